@@ -1,0 +1,65 @@
+"""Checks of what a user passes in (floor 0).
+
+Checks look at concrete values only: inside `jit`, `grad` or `vmap` the values are not
+known yet and every check passes, so the same constructors serve the front door and
+traced code.
+"""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+
+def check_range(
+    name: str,
+    value: Any,
+    unit: str,
+    low: float = -np.inf,
+    high: float = np.inf,
+    *,
+    low_open: bool = False,
+    high_open: bool = False,
+) -> None:
+    """Raise `ValueError` unless every element of `value` is finite and in range.
+
+    Args:
+        name: what the user calls the argument.
+        value: a number or array of any shape; traced values are let through.
+        unit: unit of `value` and of the bounds, for the message ("" for none).
+        low, high: allowed range.
+        low_open, high_open: whether the bound itself is excluded.
+    """
+    if isinstance(value, jax.core.Tracer):
+        return
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} = {value!r} is not a number") from None
+    good = np.isfinite(array)
+    good &= (array > low) if low_open else (array >= low)
+    good &= (array < high) if high_open else (array <= high)
+    if good.all():
+        return
+    worst = array[~good].flat[0]
+    left = "(" if low_open or np.isinf(low) else "["
+    right = ")" if high_open or np.isinf(high) else "]"
+    suffix = f" {unit}" if unit else ""
+    raise ValueError(
+        f"{name} = {worst:g}{suffix} is not allowed: it must be finite and in "
+        f"{left}{low:g}, {high:g}{right}{suffix}"
+    )
+
+
+def check_integer(name: str, value: Any, low: int, high: int) -> None:
+    """Raise unless `value` is an integer in `[low, high]`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name} = {value!r} is not a whole number")
+    if not low <= value <= high:
+        raise ValueError(f"{name} = {value} is not allowed: it must be in [{low}, {high}]")
+
+
+def check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    """Raise `ValueError` unless `value` is one of `choices`."""
+    if value not in choices:
+        raise ValueError(f"{name} = {value!r} is not one of {', '.join(choices)}")

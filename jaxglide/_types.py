@@ -1,0 +1,35 @@
+"""Array aliases with shapes, for annotations only (floor 0).
+
+Vectors along the body hold their components first, `(3, n)`, so that one row is one
+component at every node.
+"""
+
+from typing import TypeAlias
+
+from jaxtyping import Array, Bool, Float, Int
+
+Scalar: TypeAlias = Float[Array, ""]
+Vec3: TypeAlias = Float[Array, "3"]
+Mat3: TypeAlias = Float[Array, "3 3"]
+Nodes: TypeAlias = Float[Array, " n"]
+Nodes3: TypeAlias = Float[Array, "3 n"]
+NodesNodes: TypeAlias = Float[Array, "n n"]
+State: TypeAlias = Float[Array, "13"]
+Integer: TypeAlias = Int[Array, ""]
+Flag: TypeAlias = Bool[Array, ""]
+
+__all__ = [
+    "Array",
+    "Bool",
+    "Flag",
+    "Float",
+    "Int",
+    "Integer",
+    "Mat3",
+    "Nodes",
+    "Nodes3",
+    "NodesNodes",
+    "Scalar",
+    "State",
+    "Vec3",
+]

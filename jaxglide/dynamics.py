@@ -1,0 +1,179 @@
+"""Equations of motion (floor 3, MODEL section 8, eqs 4-5, 16-20, 22).
+
+The state of a glide is one flat vector of 13 numbers:
+
+| index | what | unit |
+| --- | --- | --- |
+| 0:3 | position of the centre of mass, inertial axes | m |
+| 3:6 | its velocity, inertial axes | m/s |
+| 6:9 | angular velocity, body axes | rad/s |
+| 9:12 | yaw, pitch, roll | rad |
+| 12 | horizontal path length so far | m |
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ._numerics import cross, safe_sqrt, solve3
+from ._types import Mat3, Nodes3, Scalar, State, Vec3
+from .aerodynamics import Aerodynamics, element_forces
+from .attitude import angle_rates, rotation_matrix
+from .environment import Environment
+from .gait import Gait
+from .inertia import angular_momentum, inertia_tensor, moment_of
+from .kinematics import Backbone, backbone, wave_phase
+from .polar import Polar
+from .snake import Sections, Snake
+
+POSITION = slice(0, 3)
+VELOCITY = slice(3, 6)
+OMEGA = slice(6, 9)
+ANGLES = slice(9, 12)
+PATH = 12
+
+
+class Glider(eqx.Module):
+    """What flies: a snake, its gait, its force coefficients, and the air around it.
+
+    Every float in it can be differentiated with respect to.
+    """
+
+    snake: Snake
+    gait: Gait
+    polar: Polar = eqx.field(default_factory=Polar.published)
+    environment: Environment = eqx.field(default_factory=Environment)
+
+
+class Flight(NamedTuple):
+    """What the vector field needs besides time and state.
+
+    Attributes:
+        glider: the glider.
+        sections: its snake, discretised.
+        phi_theta: launch phase of the horizontal wave [rad].
+    """
+
+    glider: Glider
+    sections: Sections
+    phi_theta: Scalar
+
+
+class Elements(NamedTuple):
+    """The body's elements at one instant, in body axes unless named otherwise.
+
+    Attributes:
+        body: positions, velocities, accelerations and frames in co-moving axes.
+        air_velocity: velocity through the air [m/s], (3, n).
+        relative_acceleration: acceleration relative to the centre of mass but for the
+            part due to the angular acceleration [m/s^2], (3, n).
+        moment: moment of the air's force about the centre of mass [N m], (3, n).
+        aerodynamics: forces, coefficients and angles of every element.
+        R_BI: rotation from inertial to body components, (3, 3).
+    """
+
+    body: Backbone
+    air_velocity: Nodes3
+    relative_acceleration: Nodes3
+    moment: Nodes3
+    aerodynamics: Aerodynamics
+    R_BI: Mat3
+
+
+def elements(time: Scalar, state: State, flight: Flight) -> Elements:
+    """Motion of and force on every element.
+
+    Args:
+        time: since launch [s].
+        state: the 13 numbers named in this module.
+        flight: glider, sections and launch phase.
+    """
+    glider, sections, phi_theta = flight
+    phase, phase_rate = wave_phase(glider.gait, phi_theta, time)
+    body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, phase_rate)
+    R_BI = rotation_matrix(state[ANGLES])
+    velocity_B = jnp.sum(R_BI * state[VELOCITY], axis=1)
+    omega_B = state[OMEGA]
+    spin = cross(omega_B, body.position)
+    air_velocity = velocity_B[:, None] + body.velocity + spin
+    # r'' + 2 omega x r' + omega x (omega x r); the term in omega' is the unknown
+    relative = body.acceleration + cross(omega_B, 2 * body.velocity + spin)
+    air = element_forces(sections, body, air_velocity, glider.polar, glider.environment)
+    moment = cross(body.position, air.force)
+    return Elements(body, air_velocity, relative, moment, air, R_BI)
+
+
+def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
+    """Rate of the state in free flight.
+
+    The rotational equation I omega' = M_A - omega x (I omega) - [I'] omega - omega x h
+    - [h'] is written as the moment of the air minus that of every element's inertia,
+    since omega x (I omega) + [I'] omega + omega x h + [h'] = sum m r x (r'' + 2 omega x r'
+    + omega x (omega x r)): one sum over the nodes instead of four.
+
+    Args:
+        time: since launch [s].
+        state: the 13 numbers named in this module.
+        flight: glider, sections and launch phase.
+    """
+    glider, sections, _ = flight
+    now = elements(time, state, flight)
+    force_B = jnp.stack([jnp.sum(row) for row in now.aerodynamics.force])
+    force_I = jnp.sum(now.R_BI * force_B[:, None], axis=0)
+    weight = jnp.stack([0.0 * glider.environment.gravity] * 2 + [glider.environment.gravity])
+    acceleration = force_I / glider.snake.mass - weight
+    effective = now.aerodynamics.force - sections.mass * now.relative_acceleration
+    moment = moment_of(now.body.position, effective)
+    omega_dot = solve3(inertia_tensor(sections.mass, now.body.position), moment)
+    velocity = state[VELOCITY]
+    path_rate = safe_sqrt(velocity[0] ** 2 + velocity[1] ** 2)
+    return jnp.concatenate(
+        [
+            velocity,
+            acceleration,
+            omega_dot,
+            angle_rates(state[ANGLES], state[OMEGA]),
+            path_rate[None],
+        ]
+    )
+
+
+class FreeRotation(NamedTuple):
+    """What `free_rotation` needs: the body, its waves, and its angular momentum.
+
+    Attributes:
+        sections, gait, neck_fraction: see `backbone`.
+        phi_theta: launch phase [rad].
+        momentum_I: conserved angular momentum at unit frequency, inertial axes, (3,).
+    """
+
+    sections: Sections
+    gait: Gait
+    neck_fraction: Scalar
+    phi_theta: Scalar
+    momentum_I: Vec3
+
+
+def free_rotation(cycle: Scalar, angles: Vec3, body: FreeRotation) -> Vec3:
+    """Rate of the attitude per undulation cycle without air and gravity.
+
+    Angular momentum is conserved, R_BI^T (I omega + h) = H, so the attitude alone is the
+    state; and everything scales with frequency, so the path of the attitude over a cycle
+    does not depend on it.
+
+    Args:
+        cycle: time in undulation cycles.
+        angles: yaw, pitch, roll [rad], (3,).
+        body: the body and its angular momentum.
+
+    Returns:
+        Rates of the angles [rad per cycle], (3,).
+    """
+    sections, gait, neck_fraction, phi_theta, momentum_I = body
+    rate = -2 * jnp.pi
+    shape = backbone(sections, gait, neck_fraction, phi_theta + rate * cycle, rate)
+    momentum_B = jnp.sum(rotation_matrix(angles) * momentum_I, axis=1)
+    tensor = inertia_tensor(sections.mass, shape.position)
+    omega = solve3(tensor, momentum_B - angular_momentum(sections.mass, shape))
+    return angle_rates(angles, omega)

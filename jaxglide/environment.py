@@ -1,0 +1,33 @@
+"""The air and gravity (floor 1)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ._checks import check_range
+from ._types import Scalar
+
+
+class Environment(eqx.Module):
+    """Gravity and air. Defaults: air at 30 degrees C (MODEL section 2).
+
+    Args:
+        gravity: gravitational acceleration [m/s^2], 0 to 100.
+        air_density: density of the air [kg/m^3], above 0.
+        kinematic_viscosity: kinematic viscosity of the air [m^2/s], above 0.
+
+    Raises:
+        ValueError: a value is not finite or out of range.
+    """
+
+    gravity: Scalar = eqx.field(converter=lambda x: jnp.asarray(x, float), default=9.81)
+    air_density: Scalar = eqx.field(converter=lambda x: jnp.asarray(x, float), default=1.165)
+    kinematic_viscosity: Scalar = eqx.field(
+        converter=lambda x: jnp.asarray(x, float), default=1.568e-5
+    )
+
+    def __check_init__(self):
+        check_range("gravity", self.gravity, "m/s^2", 0, 100)
+        check_range("air_density", self.air_density, "kg/m^3", 0, 2000, low_open=True)
+        check_range(
+            "kinematic_viscosity", self.kinematic_viscosity, "m^2/s", 0, 1, low_open=True
+        )

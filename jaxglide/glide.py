@@ -1,0 +1,496 @@
+"""`simulate`: one glide from launch to landing or loss of control (floor 4, MODEL section 10)."""
+
+import enum
+import warnings
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import jax.tree_util as jtu
+import numpy as np
+import optimistix as optx
+from jax.flatten_util import ravel_pytree
+
+from ._checks import check_integer, check_range
+from ._numerics import safe_sqrt
+from ._types import Array, Flag, Float, Integer, Scalar, State, Vec3
+from .attitude import angle_rates
+from .dynamics import (
+    ANGLES,
+    OMEGA,
+    PATH,
+    POSITION,
+    VELOCITY,
+    Elements,
+    Flight,
+    Glider,
+    elements,
+    six_degrees_of_freedom,
+)
+from .launch import Launch, TakeOff, take_off
+from .snake import discretise
+
+ANGLE_LIMIT = np.deg2rad(85.0)
+"""A glide whose |yaw|, |pitch| or |roll| reaches this is unstable [rad]."""
+
+_MAX_STEP = 0.05  # s; events show as sign changes between steps only
+_FIRST_STEP = 2e-3  # s
+_MIN_STEP = 1e-12  # s; below this the vector field is not finite
+
+
+class Outcome(enum.IntEnum):
+    """How a glide ended; `str()` gives the words."""
+
+    LANDED = 0
+    UNSTABLE_YAW = 1
+    UNSTABLE_PITCH = 2
+    UNSTABLE_ROLL = 3
+    OUT_OF_TIME = 4
+    OUT_OF_STEPS = 5
+    NON_FINITE = 6
+
+    def __str__(self) -> str:
+        return _WORDS[self]
+
+
+_WORDS = {
+    Outcome.LANDED: "landed",
+    Outcome.UNSTABLE_YAW: "unstable in yaw",
+    Outcome.UNSTABLE_PITCH: "unstable in pitch",
+    Outcome.UNSTABLE_ROLL: "unstable in roll",
+    Outcome.OUT_OF_TIME: "ran out of time",
+    Outcome.OUT_OF_STEPS: "ran out of steps",
+    Outcome.NON_FINITE: "not finite",
+}
+
+
+class Glide(eqx.Module):
+    """A glide: how it went, and its trajectory where one was asked for.
+
+    Attributes:
+        glider, launch: what flew and how it was launched.
+        take_off: phase, angles, speed and state at t = 0.
+        outcome: an `Outcome` as an integer.
+        time: end of the glide [s].
+        state: the 13 numbers of the state at the end (see `dynamics`).
+        max_angles: largest |yaw|, |pitch|, |roll| on the way [rad], (3,).
+        accepted, rejected: steps of the solver.
+        times: requested times [s], (T,), or None.
+        states: states at them, (T, 13), NaN after the end, or None.
+        interpolation: dense solution if `dense=True` was asked for, or None.
+    """
+
+    glider: Glider
+    launch: Launch
+    take_off: TakeOff
+    outcome: Integer
+    time: Scalar
+    state: State
+    max_angles: Vec3
+    accepted: Integer
+    rejected: Integer
+    times: Float[Array, " T"] | None
+    states: Float[Array, "T 13"] | None
+    interpolation: diffrax.DenseInterpolation | None
+
+    @property
+    def landing_point(self) -> Float[Array, "... 3"]:
+        """Position of the centre of mass at the end [m], (3,)."""
+        return self.state[..., POSITION]
+
+    @property
+    def velocity(self) -> Float[Array, "... 3"]:
+        """Velocity of the centre of mass at the end, inertial axes [m/s], (3,)."""
+        return self.state[..., VELOCITY]
+
+    @property
+    def end_angles(self) -> Float[Array, "... 3"]:
+        """Yaw, pitch, roll at the end [rad], (3,)."""
+        return self.state[..., ANGLES]
+
+    @property
+    def path_length(self) -> Float[Array, "..."]:
+        """Horizontal path length, the published "glide distance" [m]."""
+        return self.state[..., PATH]
+
+    @property
+    def height_lost(self) -> Float[Array, "..."]:
+        """Height lost, the published "vertical distance" [m]."""
+        return self.launch.height - self.state[..., 2]
+
+    @property
+    def glide_angle(self) -> Float[Array, "..."]:
+        """Angle of the path below the horizontal at the end [rad]."""
+        v = self.velocity
+        return jnp.arctan2(-v[..., 2], jnp.hypot(v[..., 0], v[..., 1]))
+
+    @property
+    def stable(self) -> Flag:
+        """Whether the glide reached the ground."""
+        return self.outcome == Outcome.LANDED
+
+    def at(self, times) -> Float[Array, "T 13"]:
+        """States at `times` [s], (T,) -> (T, 13), NaN outside the glide; needs `dense=True`."""
+        if self.interpolation is None:
+            raise ValueError("this glide kept no trajectory: simulate it with dense=True")
+        times = jnp.asarray(times, self.time.dtype)
+        inside = (times >= 0) & (times <= self.time)
+        states = jax.vmap(self.interpolation.evaluate)(jnp.where(inside, times, 0.0))
+        return jnp.where(inside[:, None], states, jnp.nan)
+
+    def sample_times(self, count: int = 200) -> Float[Array, " T"]:
+        """`count` equally spaced times [s] from launch to the end, (count,)."""
+        return jnp.linspace(0.0, 1.0, count) * self.time
+
+    def __str__(self) -> str:
+        if self.time.ndim:
+            outcomes, counts = np.unique(np.asarray(self.outcome), return_counts=True)
+            lines = [f"{np.asarray(self.time).size} glides"]
+            lines += [
+                f"  {Outcome(code)!s:18} {count}"
+                for code, count in zip(outcomes, counts, strict=True)
+            ]
+            return "\n".join(lines)
+        x, y, z = np.asarray(self.landing_point)
+        end, most, start = (
+            np.rad2deg(np.asarray(a))
+            for a in (self.end_angles, self.max_angles, self.take_off.angles)
+        )
+
+        def triple(a):
+            return f"yaw {a[0]:8.3f}   pitch {a[1]:8.3f}   roll {a[2]:8.3f} deg"
+
+        return "\n".join(
+            [
+                f"Glide from {float(self.launch.height):g} m: {Outcome(int(self.outcome))} "
+                f"after {float(self.time):.4f} s",
+                f"  end point        x {x:.4f}   y {y:.4f}   z {z:.4f} m",
+                f"  path length      {float(self.path_length):.4f} m horizontally",
+                f"  height lost      {float(self.height_lost):.4f} m",
+                f"  glide angle      {float(np.rad2deg(self.glide_angle)):.2f} deg at the end",
+                f"  launch           {float(self.take_off.speed):.4f} m/s, "
+                f"phase {float(self.take_off.phi_theta):.6f} rad",
+                f"  launch angles    {triple(start)}",
+                f"  end angles       {triple(end)}",
+                f"  largest angles   {triple(most)}",
+                f"  steps            {int(self.accepted)} accepted, {int(self.rejected)} rejected",
+            ]
+        )
+
+
+class _Peaks(eqx.Module):
+    """Largest |angles| up to a point of the glide, and that point."""
+
+    largest: Vec3
+    time: Scalar
+    angles: Vec3
+    rates: Vec3
+
+    @classmethod
+    def start(cls, time, state) -> "_Peaks":
+        angles = state[ANGLES]
+        return cls(jnp.abs(angles), time, angles, _rates(state))
+
+    def upto(self, time, state) -> "_Peaks":
+        """Include the cubic through both ends of the interval, values and slopes."""
+        angles, rates = state[ANGLES], _rates(state)
+        h = time - self.time
+        a, da, b, db = self.angles, h * self.rates, angles, h * rates
+        # a + da x + p x^2 + q x^3 on 0 <= x <= 1; extremes where its slope is zero
+        p, q = 3 * (b - a) - 2 * da - db, da + db - 2 * (b - a)
+        root = safe_sqrt(jnp.maximum(p * p - 3 * q * da, 0.0))
+        sign = jnp.where(p < 0, -1.0, 1.0)
+        s = -(p + sign * root)
+        largest = jnp.maximum(self.largest, jnp.abs(b))
+        for top, bottom in ((s, 3 * q), (da, s)):
+            x = jnp.clip(top / jnp.where(bottom == 0, 1.0, bottom), 0.0, 1.0)
+            largest = jnp.maximum(largest, jnp.abs(a + x * (da + x * (p + x * q))))
+        return _Peaks(largest, time, angles, rates)
+
+
+def _rates(state: State) -> Vec3:
+    return angle_rates(state[ANGLES], state[OMEGA])
+
+
+class _PeakController(diffrax.AbstractStepSizeController):
+    """A step size controller that also follows the largest angles of the accepted steps.
+
+    Each call covers the glide up to the start of the step it judges, so that the last
+    step, which an event cuts short, is left to be covered to its true end.
+    """
+
+    inner: diffrax.AbstractStepSizeController
+
+    def wrap(self, direction):
+        return _PeakController(self.inner.wrap(direction))
+
+    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
+        t1, state = self.inner.init(terms, t0, t1, y0, dt0, args, func, error_order)
+        return t1, (state, _Peaks.start(t0, y0))
+
+    def adapt_step_size(
+        self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
+    ):
+        state, peaks = controller_state
+        *decision, state, result = self.inner.adapt_step_size(
+            t0, t1, y0, y1_candidate, args, y_error, error_order, state
+        )
+        return *decision, (state, peaks.upto(t0, y0)), result
+
+
+def _clearance(t, y, args=None, **_):
+    """Positive in flight, zero at the first of ground contact or an angle's limit."""
+    return jnp.minimum(y[2], jnp.min(ANGLE_LIMIT - jnp.abs(y[ANGLES])))
+
+
+class _Settings(eqx.Module):
+    """How to solve. Tolerances are traced, so that changing them compiles nothing."""
+
+    rtol: Scalar
+    atol: Scalar
+    step: Scalar | None
+    max_time: Scalar
+    times: Array | None
+    solver: diffrax.AbstractSolver
+    max_steps: int = eqx.field(static=True)
+    dense: bool = eqx.field(static=True)
+
+    def controller(self) -> diffrax.AbstractStepSizeController:
+        if self.step is not None:
+            return diffrax.ConstantStepSize()
+        return diffrax.PIDController(
+            self.rtol, self.atol, dtmin=_MIN_STEP, dtmax=_MAX_STEP, force_dtmin=False
+        )
+
+
+def _outcome(solution, upright, end: State, rates: State) -> Integer:
+    """Why the glide ended: of all limits at the end point, the one it is closest to."""
+    clearances = jnp.concatenate([end[2:3], ANGLE_LIMIT - jnp.abs(end[ANGLES])])
+    result, results = solution.result, diffrax.RESULTS
+    ended = (result == results.event_occurred) | ~upright
+    outcome = jnp.where(ended, jnp.argmin(clearances), Outcome.OUT_OF_TIME)
+    failed = ~ended & (result != results.successful)
+    outcome = jnp.where(failed, Outcome.OUT_OF_STEPS, outcome)
+    finite = jnp.all(jnp.isfinite(end)) & jnp.all(jnp.isfinite(rates))
+    return jnp.where(finite, outcome, Outcome.NON_FINITE).astype(jnp.int32)
+
+
+class _Flown(eqx.Module):
+    """What `_fly` computes: the computed part of a `Glide`."""
+
+    take_off: TakeOff
+    outcome: Integer
+    time: Scalar
+    state: State
+    max_angles: Vec3
+    accepted: Integer
+    rejected: Integer
+    states: Float[Array, "T 13"] | None
+    interpolation: diffrax.DenseInterpolation | None
+
+
+def _fly(glider: Glider, launch: Launch, settings: _Settings, adjoint) -> _Flown:
+    """Launch, integrate, classify. Pure; nothing raises here."""
+    sections = discretise(glider.snake)
+    start = take_off(glider, launch, sections, adjoint)
+    flight = Flight(glider, sections, start.phi_theta)
+    upright = _clearance(0.0, start.state) > 0
+    t1 = jnp.where(upright, settings.max_time, _MIN_STEP)
+    times = settings.times
+    saved = {"end": diffrax.SubSaveAt(t1=True)}
+    if times is not None:
+        saved["times"] = diffrax.SubSaveAt(ts=jnp.minimum(times, t1))
+    first_step = jnp.full_like(t1, _FIRST_STEP) if settings.step is None else settings.step
+    tolerance = 1e-13 if t1.dtype == jnp.float64 else 1e-6
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(six_degrees_of_freedom),  # type: ignore
+        settings.solver,
+        t0=jnp.zeros_like(t1),
+        t1=t1,
+        dt0=jnp.minimum(first_step, t1),
+        y0=start.state,
+        args=flight,
+        saveat=diffrax.SaveAt(subs=saved, dense=settings.dense, controller_state=True),
+        stepsize_controller=_PeakController(settings.controller()),
+        event=diffrax.Event(_clearance, optx.Bisection(tolerance, tolerance), direction=False),
+        adjoint=adjoint,
+        max_steps=settings.max_steps,
+        throw=False,
+    )
+    ts, ys, stats = solution.ts, solution.ys, solution.stats
+    assert ts is not None and ys is not None
+    time = jnp.where(upright, ts["end"][0], 0.0)
+    state = jnp.where(upright, ys["end"][0], start.state)
+    states = None
+    if times is not None:
+        states = jnp.where((times <= time)[:, None], ys["times"], jnp.nan)
+    peaks = solution.controller_state[1]  # type: ignore
+    return _Flown(
+        take_off=start,
+        outcome=_outcome(solution, upright, state, six_degrees_of_freedom(time, state, flight)),
+        time=time,
+        state=state,
+        max_angles=peaks.upto(time, state).largest,
+        accepted=stats["num_accepted_steps"],
+        rejected=stats["num_rejected_steps"],
+        states=states,
+        interpolation=solution.interpolation if settings.dense else None,
+    )
+
+
+@eqx.filter_custom_jvp
+def _fly_either_mode(glider: Glider, launch: Launch, *, settings: _Settings) -> _Flown:
+    """`_fly` with a derivative that works in forward and in reverse mode.
+
+    A Diffrax solve can be differentiated in one mode only, chosen beforehand. Here the
+    rule for tangents computes the Jacobian with respect to what is perturbed, in the mode
+    that is cheaper, and multiplies by it; the product can be transposed, so `grad`,
+    `jacfwd` and both under `vmap` work on the same function.
+    """
+    return _fly(glider, launch, settings, diffrax.ForwardMode())
+
+
+@_fly_either_mode.def_jvp
+def _fly_jvp(primals, tangents, *, settings):
+    moved, fixed = eqx.partition(
+        primals, jtu.tree_map(lambda t: t is not None, tangents, is_leaf=lambda t: t is None)
+    )
+    point, unravel = ravel_pytree(moved)
+    direction, _ = ravel_pytree(tangents)
+
+    def outputs(x, adjoint):
+        flown = _fly(*eqx.combine(unravel(x), fixed), settings, adjoint)
+        floats = eqx.filter(flown, eqx.is_inexact_array)
+        return ravel_pytree(floats)[0], flown
+
+    size = jax.eval_shape(lambda x: outputs(x, diffrax.ForwardMode())[0], point).size
+    if point.size <= size:
+        jacobian, flown = jax.jacfwd(outputs, has_aux=True)(point, diffrax.ForwardMode())
+    else:
+        adjoint = diffrax.RecursiveCheckpointAdjoint()
+        jacobian, flown = jax.jacrev(outputs, has_aux=True)(point, adjoint)
+    floats, rest = eqx.partition(flown, eqx.is_inexact_array)
+    tangent = ravel_pytree(floats)[1](jacobian @ direction)
+    return flown, eqx.combine(tangent, jtu.tree_map(lambda _: None, rest))
+
+
+@eqx.filter_jit
+def _simulate(glider, launch, settings, adjoint) -> Glide:
+    if adjoint is not None:
+        flown = _fly(glider, launch, settings, adjoint)
+    elif settings.dense:
+        flown = _fly(glider, launch, settings, diffrax.ForwardMode())
+    else:
+        flown = _fly_either_mode(glider, launch, settings=settings)
+    return Glide(glider=glider, launch=launch, times=settings.times, **vars(flown))
+
+
+def simulate(
+    glider: Glider,
+    launch: Launch | None = None,
+    *,
+    rtol: float = 1e-6,
+    atol: float = 1e-6,
+    solver: diffrax.AbstractSolver | None = None,
+    times=None,
+    dense: bool = False,
+    max_time: float = 60.0,
+    max_steps: int = 100_000,
+    step: float | None = None,
+    adjoint: diffrax.AbstractAdjoint | None = None,
+) -> Glide:
+    """Fly one glide from launch to the ground, or until an angle reaches 85 degrees.
+
+    Pure and compiled: `jit`, `vmap`, `grad`, `jacfwd` apply, with respect to every float
+    in `glider` and `launch`, through the launch and the end of the glide. Nothing raises
+    once the arguments are accepted: see `Glide.outcome`.
+
+    Args:
+        glider: what flies.
+        launch: how it starts; by default from 10 m at the published speed.
+        rtol, atol: relative and absolute tolerance of a step, above 0 up to 0.1.
+        solver: a Diffrax solver of explicit Runge-Kutta kind, by default `Dopri5()`.
+        times: times [s] at which to keep the state, increasing, (T,); default none.
+        dense: keep a continuous trajectory for `Glide.at`. Forward mode only.
+        max_time: longest flight [s].
+        max_steps: most steps of the solver, rejected ones included.
+        step: a fixed step [s] instead of adaptive ones.
+        adjoint: how Diffrax differentiates. By default both modes work; name one of
+            Diffrax's adjoints to commit to it (`RecursiveCheckpointAdjoint` for the
+            gradient of one number with respect to very many).
+
+    Returns:
+        The glide. Under `vmap`, every array has the batch dimensions in front.
+
+    Raises:
+        ValueError: an argument is not finite or out of range; the message names it.
+    """
+    launch = Launch() if launch is None else launch
+    for module in (glider.snake, glider.gait, glider.polar, glider.environment, launch):
+        module.__check_init__()
+    check_range("rtol", rtol, "", 0, 0.1, low_open=True)
+    check_range("atol", atol, "", 0, 0.1, low_open=True)
+    check_range("max_time", max_time, "s", 0, 1e4, low_open=True)
+    check_integer("max_steps", max_steps, 1, 10**9)
+    if step is not None:
+        check_range("step", step, "s", 1e-7, 1, low_open=True)
+    if times is not None:
+        times = jnp.asarray(times, float)
+        check_range("times", times, "s", 0)
+        if times.ndim != 1 or times.size == 0:
+            raise ValueError(f"times has shape {times.shape}: it must be (T,), not empty")
+        if not isinstance(times, jax.core.Tracer) and np.any(np.diff(times) < 0):
+            raise ValueError("times must increase")
+    dtype = launch.height.dtype
+    if dtype == jnp.float32 and not isinstance(rtol, jax.core.Tracer) and min(rtol, atol) < 1e-5:
+        warnings.warn(
+            f"rtol = {rtol:g}, atol = {atol:g} are too tight for float32, whose steps cannot "
+            "be that exact: call jax.config.update('jax_enable_x64', True) first, or use "
+            "tolerances of 1e-5 or more",
+            stacklevel=2,
+        )
+    settings = _Settings(
+        rtol=jnp.asarray(rtol, dtype),
+        atol=jnp.asarray(atol, dtype),
+        step=None if step is None else jnp.asarray(step, dtype),
+        max_time=jnp.asarray(max_time, dtype),
+        times=times,
+        solver=diffrax.Dopri5() if solver is None else solver,
+        max_steps=max_steps,
+        dense=dense,
+    )
+    return _simulate(glider, launch, settings, adjoint)
+
+
+@eqx.filter_jit
+def _reconstruct(glide: Glide, times, states):
+    glider = glide.glider
+    flight = Flight(glider, discretise(glider.snake), glide.take_off.phi_theta)
+    return jax.vmap(lambda t, y: elements(t, y, flight))(times, states)
+
+
+def reconstruct(glide: Glide, times=None) -> Elements:
+    """Every element's motion and force at times of a glide.
+
+    Args:
+        glide: one glide, simulated with `dense=True` or with `times`.
+        times: [s], (T,), within the glide; by default the times it was simulated for.
+
+    Returns:
+        `Elements` with a leading time axis: positions, velocities, angle of attack, Re,
+        sweep angle, dynamic pressure, C_L, C_D, lift, drag, force and moment of every
+        element.
+
+    Raises:
+        ValueError: the glide kept no trajectory, or a time lies outside it.
+    """
+    if times is None:
+        if glide.times is None:
+            raise ValueError("give times, or simulate the glide with times")
+        times, states = glide.times, glide.states
+    else:
+        check_range("times", times, "s", 0, float(glide.time))
+        times = jnp.asarray(times, float)
+        states = glide.at(times)
+    return _reconstruct(glide, times, states)

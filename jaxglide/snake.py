@@ -1,0 +1,203 @@
+"""The snake's morphology and its division into nodes (floor 1, MODEL sections 2 and 4).
+
+A `Snake` holds what can be measured or designed; `discretise` turns it into `Sections`,
+the arrays along the body that the physics works on. Arc length s runs from the snout
+(0) to the vent (L); `fraction` is s/L.
+"""
+
+from functools import lru_cache
+from typing import Literal, TypeAlias
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ._checks import check_choice, check_integer, check_range
+from ._types import Array, Float, Nodes, NodesNodes, Scalar
+
+NodeSet: TypeAlias = Literal["published", "gauss"]
+
+PUBLISHED_NECK = 0.055 / 0.70
+"""Fraction of SVL at which the published model's neck ends (its node at 5.5 cm)."""
+
+# Parabolas (h, k, p) of (x - h)^2/(4p) + k in x = s/L: chord/L, and linear density.
+_CHORD = (0.51220022, 0.02895101, -4.88957129)
+_HEAD_DENSITY = (0.01661771, 1.36099325, -0.00012991)
+_BODY_DENSITY = (0.52583598, 1.11461374, -0.10778636)
+_HEAD_END = 0.037
+
+
+def _float(x):
+    return jnp.asarray(x, float)
+
+
+class Snake(eqx.Module):
+    """A gliding body: size, mass, planform, mass distribution, and its nodes.
+
+    Use `Snake.from_svl` for an animal. A robot sets its own parabolas.
+
+    Args:
+        length: snout-vent length L [m], above 0.
+        mass: total mass [kg], above 0.
+        neck_fraction: end of the straight-ramped neck, fraction of L in (0, 0.5).
+        chord: (h, k, p) of the chord/L, `(x - h)^2/(4p) + k` in x = s/L, shape (3,).
+        head_density, body_density: the same for the linear mass density, up to a factor
+            that `mass` fixes, before and after `head_fraction`, shape (3,).
+        head_fraction: where the density changes from head to body, fraction of L.
+        nodes: number of nodes, 8 to 2000 (static).
+        node_set: "published" (midpoints and trapezoid rule, for comparison with the
+            paper) or "gauss" (Gauss-Legendre on three panels, converges fast; static).
+        spacing: node spacing [m] of the published set where it is not L/nodes (static).
+
+    Raises:
+        ValueError: a value is not finite or out of range.
+    """
+
+    length: Scalar = eqx.field(converter=_float)
+    mass: Scalar = eqx.field(converter=_float)
+    neck_fraction: Scalar = eqx.field(converter=_float, default=PUBLISHED_NECK)
+    chord: Float[Array, "3"] = eqx.field(converter=_float, default=_CHORD)
+    head_density: Float[Array, "3"] = eqx.field(converter=_float, default=_HEAD_DENSITY)
+    body_density: Float[Array, "3"] = eqx.field(converter=_float, default=_BODY_DENSITY)
+    head_fraction: Scalar = eqx.field(converter=_float, default=_HEAD_END)
+    nodes: int = eqx.field(static=True, default=70)
+    node_set: NodeSet = eqx.field(static=True, default="published")
+    spacing: float | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self):
+        check_range("length", self.length, "m", 0, 100, low_open=True)
+        check_range("mass", self.mass, "kg", 0, 1e5, low_open=True)
+        check_range(
+            "neck_fraction", self.neck_fraction, "of SVL", 0, 0.5, low_open=True, high_open=True
+        )
+        check_range(
+            "head_fraction", self.head_fraction, "of SVL", 0, 0.5, low_open=True, high_open=True
+        )
+        for name in ("chord", "head_density", "body_density"):
+            check_range(name, getattr(self, name), "")
+        check_integer("nodes", self.nodes, 8, 2000)
+        check_choice("node_set", self.node_set, ("published", "gauss"))
+        if self.spacing is not None:
+            check_range("spacing", self.spacing, "m", 0, 100, low_open=True)
+            if self.node_set == "gauss":
+                raise ValueError("spacing is for node_set = 'published' only")
+
+    @classmethod
+    def from_svl(cls, length=0.70, mass=None, **fields) -> "Snake":
+        """A flying snake (Chrysopelea paradisi) of the given snout-vent length.
+
+        Args:
+            length: snout-vent length [m].
+            mass: mass [kg]; by default from the length, after 17 animals (Socha and
+                LaBarbera 2005, doi:10.1242/jeb.01579).
+            **fields: any other field of `Snake`.
+        """
+        check_range("length", length, "m", 0, 100, low_open=True)
+        if mass is None:
+            centimetres = 100 * jnp.asarray(length, float)
+            mass = 1e-3 * jnp.exp(-9.94919177 + 3.19831074 * jnp.log(centimetres))
+        return cls(length, mass, **fields)
+
+
+class Sections(eqx.Module):
+    """The body at its n nodes.
+
+    Attributes:
+        fraction: arc length over SVL, (n,).
+        chord: chord [m], (n,).
+        area: planform area of the element [m^2], (n,).
+        mass: mass of the element [kg], (n,).
+        integral: matrix that integrates along the body a field given at the nodes and
+            removes the mass-weighted mean of the result [m], (n, n); the result at node i
+            is `sum_j field_j integral[j, i]`.
+    """
+
+    fraction: Nodes
+    chord: Nodes
+    area: Nodes
+    mass: Nodes
+    integral: NodesNodes
+
+
+def _parabola(x, coefficients):
+    h, k, p = coefficients[0], coefficients[1], coefficients[2]
+    return (x - h) ** 2 / (4 * p) + k
+
+
+@lru_cache
+def _midpoint_rule(nodes: int) -> np.ndarray:
+    """Cumulative trapezoid from node 0 at unit spacing: result_i = sum_j A[i, j] f_j."""
+    matrix = np.tril(np.ones((nodes, nodes))) - 0.5 * np.eye(nodes)
+    matrix[:, 0] -= 0.5
+    matrix[0, 0] = 0.0
+    return matrix
+
+
+@lru_cache
+def _gauss_panel(nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss-Legendre on [0, 1]: points, weights, exact cumulative integration matrix."""
+    legendre = np.polynomial.legendre
+    x, w = legendre.leggauss(nodes)
+    degrees = np.arange(nodes)
+    # f = sum_k a_k P_k with a_k = (2k + 1)/2 sum_j w_j P_k(x_j) f_j, integrated exactly.
+    to_series = (degrees + 0.5)[:, None] * legendre.legvander(x, nodes - 1).T * w
+    antiderivative = legendre.legint(np.eye(nodes), lbnd=-1, axis=0)
+    from_series = legendre.legvander(x, nodes) @ antiderivative
+    return (x + 1) / 2, w / 2, from_series @ to_series / 2
+
+
+@lru_cache
+def _gauss_rule(nodes: int):
+    """Three panels: panel index, point in panel, weight, and integration matrix.
+
+    The matrix is for panels of unit width; its columns scale with the panel's width.
+    """
+    short = max(3, nodes // 12)
+    rules = [_gauss_panel(k) for k in (short, short, nodes - 2 * short)]
+    panel = np.repeat(np.arange(3), [len(rule[0]) for rule in rules])
+    point, weight = (np.concatenate([rule[i] for rule in rules]) for i in (0, 1))
+    matrix = np.where(panel[:, None] > panel[None, :], weight[None, :], 0.0)
+    for index, rule in enumerate(rules):
+        inside = np.flatnonzero(panel == index)
+        matrix[np.ix_(inside, inside)] = rule[2]
+    return panel, point, weight, matrix
+
+
+def _quadrature(snake: Snake) -> tuple[Array, Array, Array]:
+    """Node fractions, weights (sum about 1) and cumulative integration matrix, of s/L."""
+    if snake.node_set == "published":
+        step = 1 / snake.nodes if snake.spacing is None else snake.spacing / snake.length
+        fraction = (jnp.arange(snake.nodes) + 0.5) * step
+        weight = jnp.full(snake.nodes, step)
+        return fraction, weight, jnp.asarray(_midpoint_rule(snake.nodes)) * step
+    panel, point, weight, matrix = _gauss_rule(snake.nodes)
+    first = jnp.minimum(snake.head_fraction, snake.neck_fraction)
+    second = jnp.maximum(snake.head_fraction, snake.neck_fraction)
+    start = jnp.stack([jnp.zeros_like(first), first, second])[panel]
+    width = jnp.stack([first, second - first, 1 - second])[panel]
+    return start + width * point, width * weight, jnp.asarray(matrix) * width
+
+
+def discretise(snake: Snake) -> Sections:
+    """The snake at its nodes (MODEL sections 2 and 4)."""
+    fraction, weight, cumulative = _quadrature(snake)
+    density = jnp.where(
+        fraction <= snake.head_fraction,
+        _parabola(fraction, snake.head_density),
+        _parabola(fraction, snake.body_density),
+    )
+    share = density * weight / jnp.sum(density * weight)
+    chord = snake.length * _parabola(fraction, snake.chord)
+    centred = cumulative - share @ cumulative
+    return Sections(
+        fraction=fraction,
+        chord=chord,
+        area=chord * weight * snake.length,
+        mass=snake.mass * share,
+        integral=snake.length * centred.T,
+    )
+
+
+def wing_area(snake: Snake) -> Scalar:
+    """Planform area [m^2]."""
+    return jnp.sum(discretise(snake).area)

@@ -22,7 +22,7 @@ from .aerodynamics import Aerodynamics, element_forces
 from .attitude import angle_rates, rotation_matrix
 from .environment import Environment
 from .gait import Gait
-from .inertia import angular_momentum, inertia_tensor, moment_of
+from .inertia import inertia_tensor, moment_of
 from .kinematics import Backbone, backbone, wave_phase
 from .polar import Polar
 from .snake import Sections, Snake
@@ -137,43 +137,3 @@ def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
             path_rate[None],
         ]
     )
-
-
-class FreeRotation(NamedTuple):
-    """What `free_rotation` needs: the body, its waves, and its angular momentum.
-
-    Attributes:
-        sections, gait, neck_fraction: see `backbone`.
-        phi_theta: launch phase [rad].
-        momentum_I: conserved angular momentum at unit frequency, inertial axes, (3,).
-    """
-
-    sections: Sections
-    gait: Gait
-    neck_fraction: Scalar
-    phi_theta: Scalar
-    momentum_I: Vec3
-
-
-def free_rotation(cycle: Scalar, angles: Vec3, body: FreeRotation) -> Vec3:
-    """Rate of the attitude per undulation cycle without air and gravity.
-
-    Angular momentum is conserved, R_BI^T (I omega + h) = H, so the attitude alone is the
-    state; and everything scales with frequency, so the path of the attitude over a cycle
-    does not depend on it.
-
-    Args:
-        cycle: time in undulation cycles.
-        angles: yaw, pitch, roll [rad], (3,).
-        body: the body and its angular momentum.
-
-    Returns:
-        Rates of the angles [rad per cycle], (3,).
-    """
-    sections, gait, neck_fraction, phi_theta, momentum_I = body
-    rate = -2 * jnp.pi
-    shape = backbone(sections, gait, neck_fraction, phi_theta + rate * cycle, rate)
-    momentum_B = jnp.sum(rotation_matrix(angles) * momentum_I, axis=1)
-    tensor = inertia_tensor(sections.mass, shape.position)
-    omega = solve3(tensor, momentum_B - angular_momentum(sections.mass, shape))
-    return angle_rates(angles, omega)

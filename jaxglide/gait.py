@@ -9,17 +9,17 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from ._checks import check_range
 from ._numerics import sincos
 from ._types import Nodes, Scalar
 
-_ANGLES = ("theta_m", "psi_m", "d_psi", "d_theta")
 _RANGES = {
-    "theta_m": (0.0, jnp.pi),
-    "psi_m": (0.0, jnp.pi),
-    "d_psi": (-jnp.pi, jnp.pi),
-    "d_theta": (-jnp.pi, jnp.pi),
+    "theta_m": (0.0, np.pi),
+    "psi_m": (0.0, np.pi),
+    "d_psi": (-np.pi, np.pi),
+    "d_theta": (-np.pi, np.pi),
 }
 
 
@@ -74,8 +74,8 @@ class Gait(eqx.Module):
             theta_m = shape_line(nu_theta)
         degrees = {"theta_m": theta_m, "psi_m": psi_m, "d_psi": d_psi, "d_theta": d_theta}
         for name, value in degrees.items():
-            low, high = (jnp.rad2deg(bound) for bound in _RANGES[name])
-            check_range(name, value, "deg", float(low), float(high))
+            low, high = np.rad2deg(_RANGES[name])
+            check_range(name, value, "deg", low, high)
         radians = {name: jnp.deg2rad(_float(value)) for name, value in degrees.items()}
         return cls(nu_theta=nu_theta, f_theta=f_theta, **radians)
 

@@ -264,15 +264,15 @@ class _Settings(eqx.Module):
         )
 
 
-def _outcome(solution, upright, end: State, rates: State) -> Integer:
+def _outcome(solution, upright, end: State) -> Integer:
     """Why the glide ended: of all limits at the end point, the one it is closest to."""
     clearances = jnp.concatenate([end[2:3], ANGLE_LIMIT - jnp.abs(end[ANGLES])])
     result, results = solution.result, diffrax.RESULTS
     ended = (result == results.event_occurred) | ~upright
     outcome = jnp.where(ended, jnp.argmin(clearances), Outcome.OUT_OF_TIME)
-    failed = ~ended & (result != results.successful)
-    outcome = jnp.where(failed, Outcome.OUT_OF_STEPS, outcome)
-    finite = jnp.all(jnp.isfinite(end)) & jnp.all(jnp.isfinite(rates))
+    outcome = jnp.where(result == results.max_steps_reached, Outcome.OUT_OF_STEPS, outcome)
+    # A vector field that is not finite has every step rejected, down to the smallest.
+    finite = jnp.all(jnp.isfinite(end)) & (result != results.dt_min_reached)
     return jnp.where(finite, outcome, Outcome.NON_FINITE).astype(jnp.int32)
 
 
@@ -328,7 +328,7 @@ def _fly(glider: Glider, launch: Launch, settings: _Settings, adjoint) -> _Flown
     peaks = solution.controller_state[1]  # type: ignore
     return _Flown(
         take_off=start,
-        outcome=_outcome(solution, upright, state, six_degrees_of_freedom(time, state, flight)),
+        outcome=_outcome(solution, upright, state),
         time=time,
         state=state,
         max_angles=peaks.upto(time, state).largest,

@@ -1,20 +1,25 @@
 """Take-off: phase of the waves, attitude and state at t = 0 (floor 3, MODEL section 9)."""
 
+from typing import NamedTuple
+
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 
 from ._checks import check_range
-from ._types import Scalar, State, Vec3
-from .dynamics import FreeRotation, Glider, free_rotation
-from .inertia import angular_momentum, moment_of
+from ._numerics import sincos, solve3
+from ._types import Array, Float, Mat3, Scalar, State, Vec3
+from .attitude import angle_rates, rotation_matrix
+from .dynamics import Glider
+from .inertia import angular_momentum, inertia_tensor
 from .kinematics import backbone
 from .snake import Sections
 
-_SCAN = 64  # phases over half a period of the waves among which a minimum is bracketed
-_STEPS = 20  # fixed Dopri8 steps over the cycle that sets the attitude (1e-8 degrees)
+_PHASES = 128  # samples of the shape over a period of its waves
+_STEPS = 16  # fixed Dopri8 steps over the cycle that sets the attitude
 _MEAN = 200  # times of the cycle over which the attitude is averaged
 
 _PUBLISHED_SPEED = 0.2409
@@ -53,7 +58,7 @@ class Launch(eqx.Module):
         if self.phi_theta is not None:
             check_range("phi_theta", self.phi_theta, "rad", -1e3, 1e3)
         if self.angles is not None:
-            limit = float(jnp.deg2rad(85.0))
+            limit = np.deg2rad(85.0)
             if self.angles.shape[-1:] != (3,):
                 raise ValueError(
                     f"angles has shape {self.angles.shape}: it must be yaw, pitch, roll, (3,)"
@@ -86,63 +91,135 @@ def published_speed(glider: Glider, sections: Sections) -> Scalar:
     return _PUBLISHED_SPEED * jnp.sqrt(2 * loading / air.air_density)
 
 
-def launch_phase(glider: Glider, sections: Sections) -> Scalar:
-    """Phase [rad] of the first local minimum of |h| downhill from 0 (eq. 27).
+class Cycle(eqx.Module):
+    """Inertia over one undulation cycle, as Fourier series in the phase of the waves.
 
-    The slope of |h|^2 is scanned over a whole period to bracket the minimum, and its root
-    found by bisection; the derivative is that of the root (implicit function theorem).
+    The shape is periodic in its phase and analytic, so that equally spaced samples, all
+    taken in one batch, give both to round-off at any phase.
+
+    Attributes:
+        cosines, sines: coefficients of cos(k phase) and sin(k phase), k from 0 to
+            `_PHASES`/2, of the angular momentum of the shape change per unit phase rate
+            (3 rows) and of the inertia tensor (9 rows), (12, k).
     """
 
-    def slope(phase, args):
-        glider, sections = args
-        body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, 1.0)
-        h = angular_momentum(sections.mass, body)
-        return jnp.sum(h * moment_of(body.position, sections.mass * body.acceleration))
+    cosines: Float[Array, "12 k"]
+    sines: Float[Array, "12 k"]
 
-    args = glider, sections
-    fixed = jax.lax.stop_gradient(args)
-    step = jnp.pi / _SCAN
-    downhill = jnp.where(slope(jnp.zeros(()), fixed) > 0, -1.0, 1.0)
-    phases = downhill * step * jnp.arange(1, 2 * _SCAN + 1)
-    rising = downhill * jax.vmap(slope, (0, None))(phases, fixed) >= 0
-    upper = phases[jnp.argmax(rising)]
-    ends = upper - downhill * step, upper
-    lower, upper = jnp.minimum(*ends), jnp.maximum(*ends)
+    @classmethod
+    def of(cls, glider: Glider, sections: Sections) -> "Cycle":
+        """Sample the glider's body at `_PHASES` phases."""
+
+        def sample(phase):
+            body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, 1.0)
+            tensor = inertia_tensor(sections.mass, body.position)
+            return jnp.concatenate([angular_momentum(sections.mass, body), tensor.ravel()])
+
+        samples = jax.vmap(sample)(2 * jnp.pi / _PHASES * jnp.arange(_PHASES))
+        series = 2 * jnp.fft.rfft(samples, axis=0, norm="forward").T
+        series = series.at[:, 0].divide(2).at[:, -1].divide(2)
+        return cls(series.real, -series.imag)
+
+    def momentum(self, phase: Scalar) -> Vec3:
+        """Angular momentum sum m r x dr/dphase [kg m^2], (3,)."""
+        return _evaluate(self.cosines[:3], self.sines[:3], phase)
+
+    def momentum_and_tensor(self, phase: Scalar) -> tuple[Vec3, Mat3]:
+        """The same and the inertia tensor [kg m^2], (3,) and (3, 3)."""
+        values = _evaluate(self.cosines, self.sines, phase)
+        return values[:3], values[3:].reshape(3, 3)
+
+    def slope(self, phase: Scalar) -> Scalar:
+        """Half the derivative of |momentum|^2 with respect to phase."""
+        k = jnp.arange(self.cosines.shape[1])
+        rate = _evaluate(k * self.sines[:3], -k * self.cosines[:3], phase)
+        return jnp.sum(self.momentum(phase) * rate)
+
+
+def _evaluate(cosines, sines, phase):
+    sine, cosine = sincos(jnp.arange(cosines.shape[-1]) * phase)
+    return cosines @ cosine + sines @ sine
+
+
+def launch_phase(cycle: Cycle) -> Scalar:
+    """Phase [rad] of the first local minimum of |h| downhill from 0 (eq. 27).
+
+    The slope of |h|^2 is scanned over a whole period either way to bracket the minimum,
+    and its root found by bisection; its derivative is that of the root (implicit function
+    theorem).
+    """
+    fixed = jax.lax.stop_gradient(cycle)
+    phases = 2 * jnp.pi / _PHASES * jnp.arange(-_PHASES, _PHASES + 1)
+    slopes = jax.vmap(fixed.slope)(phases)
+    # Walking up from 0 where the slope is negative there, else down: the first change of
+    # sign is a minimum, between neighbours.
+    first_up = jnp.argmax(slopes[_PHASES + 1 :] >= 0) + _PHASES
+    first_down = _PHASES - 1 - jnp.argmax(slopes[:_PHASES][::-1] <= 0)
+    left = jnp.where(slopes[_PHASES] <= 0, first_up, first_down)
+    lower, upper = phases[left], phases[left + 1]
     tolerance = 1e-12 if upper.dtype == jnp.float64 else 1e-6
-    root = optx.root_find(
-        slope,
+    return optx.root_find(
+        lambda phase, cycle: cycle.slope(phase),
         optx.Bisection(rtol=tolerance, atol=tolerance),
         (lower + upper) / 2,
-        args,
+        cycle,
         options={"lower": lower, "upper": upper},
         throw=False,
-    )
-    return root.value
+    ).value
+
+
+class _FreeBody(NamedTuple):
+    cycle: Cycle
+    phi_theta: Scalar
+    momentum_I: Vec3
+
+
+def _free_rotation(time: Scalar, state: Float[Array, "6"], body: _FreeBody):
+    """Rates per undulation cycle, without air and gravity, of the angles and their integral.
+
+    Angular momentum is conserved, R_BI^T (I omega + h) = H, so the attitude alone is the
+    state; and everything scales with frequency, so that its path over a cycle does not
+    depend on it.
+    """
+    rate = -2 * jnp.pi
+    h, tensor = body.cycle.momentum_and_tensor(body.phi_theta + rate * time)
+    angles = state[:3]
+    momentum_B = jnp.sum(rotation_matrix(angles) * body.momentum_I, axis=1)
+    omega_B = solve3(tensor, momentum_B - rate * h)
+    return jnp.concatenate([angle_rates(angles, omega_B), angles])
 
 
 def launch_angles(
-    glider: Glider, sections: Sections, phi_theta: Scalar, adjoint: diffrax.AbstractAdjoint
+    cycle: Cycle, phi_theta: Scalar, adjoint: diffrax.AbstractAdjoint
 ) -> Vec3:
-    """Yaw, pitch, roll [rad], (3,): minus their mean over one free undulation cycle."""
-    neck = glider.snake.neck_fraction
-    start = backbone(sections, glider.gait, neck, phi_theta, -2 * jnp.pi)
-    momentum = angular_momentum(sections.mass, start)
-    cycle = diffrax.diffeqsolve(
-        diffrax.ODETerm(free_rotation),
+    """Yaw, pitch, roll [rad], (3,): minus their mean over one free undulation cycle.
+
+    The mean is over `_MEAN` equally spaced times including the start but not the end. For
+    angles whose rates repeat after a cycle, that is their integral less (end - start)/
+    (2 `_MEAN`), by the Euler-Maclaurin formula.
+
+    Args:
+        cycle: inertia of the body over its cycle.
+        phi_theta: launch phase [rad].
+        adjoint: how Diffrax differentiates.
+    """
+    momentum = -2 * jnp.pi * cycle.momentum(phi_theta)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(_free_rotation),  # type: ignore
         diffrax.Dopri8(),
         t0=0.0,
         t1=1.0,
         dt0=1 / _STEPS,
-        y0=jnp.zeros_like(momentum),
-        args=FreeRotation(sections, glider.gait, neck, phi_theta, momentum),
-        saveat=diffrax.SaveAt(ts=jnp.arange(_MEAN) / _MEAN),
+        y0=jnp.zeros((6,), momentum.dtype),
+        args=_FreeBody(cycle, phi_theta, momentum),
         stepsize_controller=diffrax.ConstantStepSize(),
         adjoint=adjoint,
         max_steps=_STEPS + 8,
         throw=False,
     )
-    assert cycle.ys is not None
-    return -jnp.mean(cycle.ys, axis=0)
+    assert solution.ys is not None
+    end, integral = solution.ys[0, :3], solution.ys[0, 3:]
+    return end / (2 * _MEAN) - integral
 
 
 def take_off(
@@ -162,10 +239,11 @@ def take_off(
     if adjoint is None:
         adjoint = diffrax.ForwardMode()
     phi_theta, angles, speed = launch.phi_theta, launch.angles, launch.speed
+    cycle = Cycle.of(glider, sections)
     if phi_theta is None:
-        phi_theta = launch_phase(glider, sections)
+        phi_theta = launch_phase(cycle)
     if angles is None:
-        angles = launch_angles(glider, sections, phi_theta, adjoint)
+        angles = launch_angles(cycle, phi_theta, adjoint)
     if speed is None:
         speed = published_speed(glider, sections)
     zero = jnp.zeros_like(angles)

@@ -1,15 +1,22 @@
 """jaxglide: the flight dynamics of flying snakes, differentiable.
 
 Set `jax.config.update("jax_enable_x64", True)` before use: results are quoted in float64.
+
+Names are imported on first use, so that the command line can answer `--help` at once and
+set up JAX before anything loads it.
 """
 
-from .dynamics import Elements, Flight, Glider, elements, six_degrees_of_freedom
-from .environment import Environment
-from .gait import Gait, shape_line
-from .glide import Glide, Outcome, reconstruct, simulate
-from .launch import Launch, TakeOff, take_off
-from .polar import Polar
-from .snake import Sections, Snake, discretise
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .dynamics import Elements, Flight, Glider, elements, six_degrees_of_freedom
+    from .environment import Environment
+    from .gait import Gait, shape_line
+    from .glide import Glide, Outcome, Settings, reconstruct, simulate
+    from .launch import Launch, TakeOff, take_off
+    from .polar import Polar
+    from .snake import Sections, Snake, discretise
 
 __all__ = [
     "Elements",
@@ -22,6 +29,7 @@ __all__ = [
     "Outcome",
     "Polar",
     "Sections",
+    "Settings",
     "Snake",
     "TakeOff",
     "discretise",
@@ -32,3 +40,26 @@ __all__ = [
     "six_degrees_of_freedom",
     "take_off",
 ]
+
+_HOME = {
+    "dynamics": ("Elements", "Flight", "Glider", "elements", "six_degrees_of_freedom"),
+    "environment": ("Environment",),
+    "gait": ("Gait", "shape_line"),
+    "glide": ("Glide", "Outcome", "Settings", "reconstruct", "simulate"),
+    "launch": ("Launch", "TakeOff", "take_off"),
+    "polar": ("Polar",),
+    "snake": ("Sections", "Snake", "discretise"),
+}
+
+
+def __getattr__(name: str):
+    for module, names in _HOME.items():
+        if name in names:
+            value = getattr(import_module(f".{module}", __name__), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))

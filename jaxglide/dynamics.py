@@ -14,6 +14,7 @@ The state of a glide is one flat vector of 13 numbers:
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from ._numerics import cross, safe_sqrt, solve3
@@ -104,6 +105,7 @@ def elements(time: Scalar, state: State, flight: Flight) -> Elements:
     return Elements(body, air_velocity, relative, moment, air, R_BI)
 
 
+@jax.jit
 def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
     """Rate of the state in free flight.
 

@@ -34,6 +34,7 @@ from .snake import discretise
 ANGLE_LIMIT = np.deg2rad(85.0)
 """A glide whose |yaw|, |pitch| or |roll| reaches this is unstable [rad]."""
 
+_EVENT_TOLERANCE = {8: (1e-13, 1e-11), 4: (1e-6, 1e-5)}  # relative and absolute
 _MAX_STEP = 0.05  # s; events show as sign changes between steps only
 _FIRST_STEP = 2e-3  # s
 _MIN_STEP = 1e-12  # s; below this the vector field is not finite
@@ -65,24 +66,58 @@ _WORDS = {
 }
 
 
+class Settings(eqx.Module):
+    """How a glide was solved; see `simulate`.
+
+    Tolerances are traced, so that changing them compiles nothing; the longest flight, a
+    fixed step and the numbers of steps are part of the compiled function.
+
+    Attributes:
+        rtol, atol: tolerances of a step.
+        times: times at which the state was kept [s], (T,), or None.
+        solver: the Diffrax solver.
+        step: fixed step [s], or None (static).
+        max_time: longest flight [s] (static).
+        max_steps: most steps (static).
+        dense: whether a continuous trajectory was kept (static).
+    """
+
+    rtol: Scalar
+    atol: Scalar
+    times: Array | None
+    solver: diffrax.AbstractSolver
+    step: float | None = eqx.field(static=True)
+    max_time: float = eqx.field(static=True)
+    max_steps: int = eqx.field(static=True)
+    dense: bool = eqx.field(static=True)
+
+    def controller(self) -> diffrax.AbstractStepSizeController:
+        if self.step is not None:
+            return diffrax.ConstantStepSize()
+        return diffrax.PIDController(
+            self.rtol, self.atol, dtmin=_MIN_STEP, dtmax=_MAX_STEP, force_dtmin=False
+        )
+
+
 class Glide(eqx.Module):
     """A glide: how it went, and its trajectory where one was asked for.
 
     Attributes:
         glider, launch: what flew and how it was launched.
+        settings: how it was solved.
         take_off: phase, angles, speed and state at t = 0.
         outcome: an `Outcome` as an integer.
         time: end of the glide [s].
         state: the 13 numbers of the state at the end (see `dynamics`).
         max_angles: largest |yaw|, |pitch|, |roll| on the way [rad], (3,).
         accepted, rejected: steps of the solver.
-        times: requested times [s], (T,), or None.
-        states: states at them, (T, 13), NaN after the end, or None.
+        states: states at `times`, (T, 13), NaN after the end, or None.
         interpolation: dense solution if `dense=True` was asked for, or None.
     """
 
     glider: Glider
     launch: Launch
+    settings: Settings
     take_off: TakeOff
     outcome: Integer
     time: Scalar
@@ -90,9 +125,13 @@ class Glide(eqx.Module):
     max_angles: Vec3
     accepted: Integer
     rejected: Integer
-    times: Float[Array, " T"] | None
     states: Float[Array, "T 13"] | None
     interpolation: diffrax.DenseInterpolation | None
+
+    @property
+    def times(self) -> Float[Array, " T"] | None:
+        """Requested times [s], (T,), or None."""
+        return self.settings.times
 
     @property
     def landing_point(self) -> Float[Array, "... 3"]:
@@ -244,26 +283,6 @@ def _clearance(t, y, args=None, **_):
     return jnp.minimum(y[2], jnp.min(ANGLE_LIMIT - jnp.abs(y[ANGLES])))
 
 
-class _Settings(eqx.Module):
-    """How to solve. Tolerances are traced, so that changing them compiles nothing."""
-
-    rtol: Scalar
-    atol: Scalar
-    step: Scalar | None
-    max_time: Scalar
-    times: Array | None
-    solver: diffrax.AbstractSolver
-    max_steps: int = eqx.field(static=True)
-    dense: bool = eqx.field(static=True)
-
-    def controller(self) -> diffrax.AbstractStepSizeController:
-        if self.step is not None:
-            return diffrax.ConstantStepSize()
-        return diffrax.PIDController(
-            self.rtol, self.atol, dtmin=_MIN_STEP, dtmax=_MAX_STEP, force_dtmin=False
-        )
-
-
 def _outcome(solution, upright, end: State) -> Integer:
     """Why the glide ended: of all limits at the end point, the one it is closest to."""
     clearances = jnp.concatenate([end[2:3], ANGLE_LIMIT - jnp.abs(end[ANGLES])])
@@ -290,30 +309,32 @@ class _Flown(eqx.Module):
     interpolation: diffrax.DenseInterpolation | None
 
 
-def _fly(glider: Glider, launch: Launch, settings: _Settings, adjoint) -> _Flown:
+def _fly(glider: Glider, launch: Launch, settings: Settings, adjoint) -> _Flown:
     """Launch, integrate, classify. Pure; nothing raises here."""
     sections = discretise(glider.snake)
     start = take_off(glider, launch, sections, adjoint)
     flight = Flight(glider, sections, start.phi_theta)
     upright = _clearance(0.0, start.state) > 0
-    t1 = jnp.where(upright, settings.max_time, _MIN_STEP)
+    # A launch beyond the limit is over at once. Its lane must not keep a batch waiting:
+    # it falls from just above the ground, and what it did is thrown away.
+    state = jnp.where(upright, start.state, jnp.zeros_like(start.state).at[2].set(1e-6))
     times = settings.times
     saved = {"end": diffrax.SubSaveAt(t1=True)}
     if times is not None:
-        saved["times"] = diffrax.SubSaveAt(ts=jnp.minimum(times, t1))
-    first_step = jnp.full_like(t1, _FIRST_STEP) if settings.step is None else settings.step
-    tolerance = 1e-13 if t1.dtype == jnp.float64 else 1e-6
+        saved["times"] = diffrax.SubSaveAt(ts=jnp.minimum(times, settings.max_time))
+    # The bracket's signs are known: positive in flight, negative after the event.
+    finder = optx.Bisection(*_EVENT_TOLERANCE[state.dtype.itemsize], flip=True)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(six_degrees_of_freedom),  # type: ignore
         settings.solver,
-        t0=jnp.zeros_like(t1),
-        t1=t1,
-        dt0=jnp.minimum(first_step, t1),
-        y0=start.state,
+        t0=0.0,
+        t1=settings.max_time,
+        dt0=min(settings.step or _FIRST_STEP, settings.max_time),
+        y0=state,
         args=flight,
         saveat=diffrax.SaveAt(subs=saved, dense=settings.dense, controller_state=True),
         stepsize_controller=_PeakController(settings.controller()),
-        event=diffrax.Event(_clearance, optx.Bisection(tolerance, tolerance), direction=False),
+        event=diffrax.Event(_clearance, finder, direction=False),
         adjoint=adjoint,
         max_steps=settings.max_steps,
         throw=False,
@@ -340,7 +361,7 @@ def _fly(glider: Glider, launch: Launch, settings: _Settings, adjoint) -> _Flown
 
 
 @eqx.filter_custom_jvp
-def _fly_either_mode(glider: Glider, launch: Launch, *, settings: _Settings) -> _Flown:
+def _fly_either_mode(glider: Glider, launch: Launch, *, settings: Settings) -> _Flown:
     """`_fly` with a derivative that works in forward and in reverse mode.
 
     A Diffrax solve can be differentiated in one mode only, chosen beforehand. Here the
@@ -383,7 +404,7 @@ def _simulate(glider, launch, settings, adjoint) -> Glide:
         flown = _fly(glider, launch, settings, diffrax.ForwardMode())
     else:
         flown = _fly_either_mode(glider, launch, settings=settings)
-    return Glide(glider=glider, launch=launch, times=settings.times, **vars(flown))
+    return Glide(glider=glider, launch=launch, settings=settings, **vars(flown))
 
 
 def simulate(
@@ -450,13 +471,13 @@ def simulate(
             "tolerances of 1e-5 or more",
             stacklevel=2,
         )
-    settings = _Settings(
+    settings = Settings(
         rtol=jnp.asarray(rtol, dtype),
         atol=jnp.asarray(atol, dtype),
-        step=None if step is None else jnp.asarray(step, dtype),
-        max_time=jnp.asarray(max_time, dtype),
         times=times,
         solver=diffrax.Dopri5() if solver is None else solver,
+        step=None if step is None else float(step),
+        max_time=float(max_time),
         max_steps=max_steps,
         dense=dense,
     )

@@ -160,7 +160,7 @@ def launch_phase(cycle: Cycle) -> Scalar:
     tolerance = 1e-12 if upper.dtype == jnp.float64 else 1e-6
     return optx.root_find(
         lambda phase, cycle: cycle.slope(phase),
-        optx.Bisection(rtol=tolerance, atol=tolerance),
+        optx.Bisection(rtol=tolerance, atol=tolerance, flip=False),
         (lower + upper) / 2,
         cycle,
         options={"lower": lower, "upper": upper},

@@ -83,20 +83,20 @@ class Snake(eqx.Module):
                 raise ValueError("spacing is for node_set = 'published' only")
 
     @classmethod
-    def from_svl(cls, length=0.70, mass=None, **fields) -> "Snake":
+    def from_svl(cls, svl=0.70, mass=None, **fields) -> "Snake":
         """A flying snake (Chrysopelea paradisi) of the given snout-vent length.
 
         Args:
-            length: snout-vent length [m].
+            svl: snout-vent length [m].
             mass: mass [kg]; by default from the length, after 17 animals (Socha and
                 LaBarbera 2005, doi:10.1242/jeb.01579).
             **fields: any other field of `Snake`.
         """
-        check_range("length", length, "m", 0, 100, low_open=True)
+        check_range("svl", svl, "m", 0, 100, low_open=True)
         if mass is None:
-            centimetres = 100 * jnp.asarray(length, float)
+            centimetres = 100 * jnp.asarray(svl, float)
             mass = 1e-3 * jnp.exp(-9.94919177 + 3.19831074 * jnp.log(centimetres))
-        return cls(length, mass, **fields)
+        return cls(svl, mass, **fields)
 
 
 class Sections(eqx.Module):

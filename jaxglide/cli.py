@@ -1,0 +1,308 @@
+"""The command line (floor 7). Float64 and the compilation cache are switched on here."""
+
+import argparse
+import json
+import os
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+_XLA_FLAGS = ("--xla_cpu_prefer_vector_width=512",)
+"""Measured in benchmarks/README.md; a user's own XLA_FLAGS win."""
+
+_SOLVERS = ("dopri5", "tsit5", "dopri8", "bosh3")
+
+
+class UsageError(Exception):
+    """A mistake of the user's: message on standard error, exit code 2."""
+
+
+def configure() -> None:
+    """Set up JAX for the command line: float64, all cores, a cache of compiled code."""
+    given = os.environ.get("XLA_FLAGS", "")
+    names = given.replace("=", " ").split()
+    flags = [flag for flag in _XLA_FLAGS if flag.split("=")[0] not in names]
+    os.environ["XLA_FLAGS"] = " ".join([given, *flags]).strip()
+    # Loading a cached executable logs a page about tuning hints as an error.
+    os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    if not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        jax.config.update("jax_compilation_cache_dir", str(home / "jaxglide"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    if not os.environ.get("JAX_NUM_CPU_DEVICES"):
+        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
+    warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
+def _add_tolerances(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("solver")
+    group.add_argument("--rtol", type=_number, default=1e-6, help="relative tolerance (1e-6)")
+    group.add_argument("--atol", type=_number, default=1e-6, help="absolute tolerance (1e-6)")
+
+
+def _add_output(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("output")
+    group.add_argument("--save", metavar="FILE", type=Path, help="write a NetCDF file (.nc)")
+    group.add_argument("--plot", metavar="FILE", type=Path, help="write a figure (.png, .pdf)")
+    group.add_argument("--json", action="store_true", help="print one JSON object instead")
+
+
+def _add_glider(parser: argparse.ArgumentParser) -> None:
+    gait = parser.add_argument_group("gait (angles in degrees)")
+    number = {"type": _number, "metavar": "X"}
+    gait.add_argument("--nu-theta", default=1.4, help="spatial periods (1.4)", **number)
+    gait.add_argument(
+        "--theta-m", help="horizontal amplitude [deg] (on the published shape line)", **number
+    )
+    gait.add_argument("--psi-m", default=20.0, help="vertical amplitude [deg] (20)", **number)
+    gait.add_argument(
+        "--d-psi", default=10.0, help="dorsoventral bending [deg/SVL] (10)", **number
+    )
+    gait.add_argument("--d-theta", default=0.0, help="lateral bias [deg/SVL] (0)", **number)
+    gait.add_argument(
+        "--f-theta", default=1.2, help="undulation frequency [Hz], 0 frozen (1.2)", **number
+    )
+    snake = parser.add_argument_group("snake")
+    snake.add_argument("--svl", default=0.70, help="snout-vent length [m] (0.70)", **number)
+    snake.add_argument("--mass", help="mass [kg] (from the length)", **number)
+    snake.add_argument(
+        "--neck-fraction", default=None, help="end of the neck, of SVL (0.0786)", **number
+    )
+    snake.add_argument("--nodes", type=_whole, metavar="N", help="nodes (70; gauss: 60)")
+    snake.add_argument(
+        "--node-set", choices=("published", "gauss"), default="published", help="(published)"
+    )
+    air = parser.add_argument_group("launch and air")
+    air.add_argument("--height", default=10.0, help="launch height [m] (10)", **number)
+    air.add_argument("--speed", help="launch speed [m/s] (from wing loading)", **number)
+    air.add_argument(
+        "--polar", choices=("published", "smooth"), default="published", help="(published)"
+    )
+    air.add_argument("--lift-scale", default=1.0, help="multiplier on C_L (1)", **number)
+    air.add_argument("--drag-scale", default=1.0, help="multiplier on C_D (1)", **number)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="jaxglide",
+        description="The flight dynamics of flying snakes, as a differentiable model.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    glide = commands.add_parser(
+        "glide",
+        help="fly one glide",
+        description="Fly one glide until it lands or an angle reaches 85 degrees.",
+        epilog="Exit code: 0 for a computed glide, landed or unstable; 1 if it could not be "
+        "computed to its end; 2 for wrong input.",
+    )
+    _add_glider(glide)
+    _add_tolerances(glide)
+    glide.add_argument("--solver", choices=_SOLVERS, default="dopri5", help="(dopri5)")
+    _add_output(glide)
+    glide.set_defaults(run=_glide)
+    shapes = commands.add_parser(
+        "shapes",
+        help="fly the published shape space",
+        description="Fly the 121 published shapes, frozen and undulating, and lay the table "
+        "beside the published one.",
+    )
+    shapes.add_argument(
+        "--height", type=_number, default=10.0, metavar="X", help="launch height [m] (10)"
+    )
+    shapes.add_argument(
+        "--check",
+        action="store_true",
+        help="solve again at 1e-9 and name the shapes whose stability flips (about a minute)",
+    )
+    _add_tolerances(shapes)
+    _add_output(shapes)
+    shapes.set_defaults(run=_shapes)
+    return parser
+
+
+def _writable(*paths: Path | None) -> None:
+    """Fail before the work, not after it."""
+    for path in paths:
+        if path is None:
+            continue
+        if not path.parent.is_dir():
+            raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
+        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise UsageError(f"cannot write {path}")
+
+
+def _suffix(path: Path | None, option: str, allowed: tuple[str, ...]) -> None:
+    if path is not None and path.suffix not in allowed:
+        raise UsageError(f"{option} {path}: the name must end in {' or '.join(allowed)}")
+
+
+def _check_output(args) -> None:
+    _suffix(args.save, "--save", (".nc",))
+    _suffix(args.plot, "--plot", (".png", ".pdf", ".svg"))
+    _writable(args.save, args.plot)
+
+
+def _write(data, figure, args) -> None:
+    if args.save is not None:
+        data().to_netcdf(args.save, engine="h5netcdf")
+    if args.plot is not None:
+        figure().savefig(args.plot, dpi=200)
+    for path in (args.save, args.plot):
+        if path is not None and not args.json:
+            print(f"wrote {path}")
+
+
+def _glide(args) -> int:
+    import diffrax
+    import numpy as np
+
+    from . import Gait, Glider, Launch, Outcome, Polar, Snake, simulate
+
+    nodes = args.nodes or (70 if args.node_set == "published" else 60)
+    fields = {"nodes": nodes, "node_set": args.node_set}
+    if args.neck_fraction is not None:
+        fields["neck_fraction"] = args.neck_fraction
+    glider = Glider(
+        Snake.from_svl(args.svl, args.mass, **fields),
+        Gait.from_degrees(
+            args.theta_m, args.psi_m, args.nu_theta, args.f_theta, args.d_psi, args.d_theta
+        ),
+        Polar.from_name(args.polar, args.lift_scale, args.drag_scale),
+    )
+    solvers = (diffrax.Dopri5, diffrax.Tsit5, diffrax.Dopri8, diffrax.Bosh3)
+    glide = simulate(
+        glider,
+        Launch(args.height, args.speed),
+        rtol=args.rtol,
+        atol=args.atol,
+        solver=dict(zip(_SOLVERS, solvers, strict=True))[args.solver](),
+        dense=args.save is not None or args.plot is not None,
+        max_steps=20_000,
+    )
+    outcome = Outcome(int(glide.outcome))
+
+    def data():
+        from .records import glide_dataset
+
+        return glide_dataset(glide)
+
+    def figure():
+        from .plot import glide_overview
+
+        return glide_overview(glide)
+
+    computed = outcome <= Outcome.UNSTABLE_ROLL
+    if computed:
+        _write(data, figure, args)
+
+    def angles(values):
+        degrees = np.rad2deg(np.asarray(values))
+        return dict(zip(("yaw", "pitch", "roll"), map(float, degrees), strict=True))
+
+    if args.json:
+        start = glide.take_off
+        result = {
+            "outcome": str(outcome),
+            "time": float(glide.time),
+            "landing_point": np.asarray(glide.landing_point).tolist(),
+            "path_length": float(glide.path_length),
+            "height_lost": float(glide.height_lost),
+            "end_angles_deg": angles(glide.end_angles),
+            "max_angles_deg": angles(glide.max_angles),
+            "launch": {
+                "phase": float(start.phi_theta),
+                "angles_deg": angles(start.angles),
+                "speed": float(start.speed),
+            },
+            "steps": {"accepted": int(glide.accepted), "rejected": int(glide.rejected)},
+        }
+        print(json.dumps(result))
+    else:
+        print(glide)
+    if not computed:
+        print(f"jaxglide: the glide {outcome} at {float(glide.time):.6g} s", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _shapes(args) -> int:
+    from .published import borderline, shape_space, summary
+
+    begin = time.perf_counter()
+    data = shape_space(args.height, rtol=args.rtol, atol=args.atol)
+    took = time.perf_counter() - begin
+
+    def figure():
+        from .plot import shape_heatmaps
+
+        return shape_heatmaps(data)
+
+    _write(lambda: data, figure, args)
+    rows = summary(data)
+    published = args.height == 10.0
+    flips = None
+    if args.check:
+        flips = borderline(data, shape_space(args.height, rtol=1e-9, atol=1e-9))
+    if args.json:
+        keys = ("quantity", "f_theta", "region", "jaxglide", "published")
+        table = [dict(zip(keys, row, strict=True)) for row in rows]
+        if not published:
+            for row in table:
+                row["published"] = None
+        print(json.dumps({"height": args.height, "seconds": took, "table": table, "borderline": flips}))
+        return 0
+    print(f"{data.outcome.size} glides from {args.height:g} m in {took:.1f} s with compilation")
+    print(f"{'':22}{'f (Hz)':>8}{'region':>10}{'jaxglide':>10}{'published':>11}{'diff.':>8}")
+    for name, f_theta, region, ours, theirs in rows:
+        beside = f"{theirs:11.3f}{ours - theirs:8.3f}" if published else f"{'':11}{'':8}"
+        print(f"{name:22}{f_theta:8.1f}{region:>10}{ours:10.3f}{beside}")
+    if published:
+        print("Published path lengths run up to one 10 ms step past the end of the glide.")
+    else:
+        print("The published table is for 10 m.")
+    if flips is not None:
+        print(f"{len(flips)} shapes change between stable and unstable at 1e-9:")
+        for f_theta, theta_m, nu_theta in flips:
+            print(f"  f {f_theta:.1f} Hz, theta_m {theta_m:.2f} deg, nu_theta {nu_theta:.2f}")
+    return 0
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code (0 done, 1 failed, 2 wrong input)."""
+    args = _parser().parse_args(argv)
+    try:
+        _check_output(args)
+        configure()
+        return args.run(args)
+    except (UsageError, ValueError, TypeError) as error:
+        print(f"jaxglide: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"jaxglide: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("jaxglide: interrupted", file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

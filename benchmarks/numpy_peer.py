@@ -23,7 +23,9 @@ from scipy.optimize import brentq
 ANGLE_LIMIT = math.radians(85.0)
 OUTCOMES = "landed", "unstable: yaw", "unstable: pitch", "unstable: roll"
 # Measured coefficients times 1e5, (15, 7) each: angle of attack -10, -5, ..., 60 deg by Re 3000, 5000, ..., 15000.
-LIFT, DRAG = np.array("""
+LIFT, DRAG = (
+    np.array(
+        """
 -22675 -41202 -46889 -54330 -45011 -45119 -54118 -28298 -58908 -65507 -78313 -69828 -73020 -92629 -50933 -66243 -69804
 -76275 -71451 -74524 -76698 -51737 -53187 -48373 -55708 -48915 -46366 -47324 4247 13458 19880 23990 24323 24669 27402
 56881 55304 60312 70459 65080 68263 73989 83848 83108 91241 102776 96539 99228 107329 92120 98066 105762 121100 112271
@@ -36,7 +38,11 @@ LIFT, DRAG = np.array("""
 59711 62550 71002 66035 68131 73402 60098 67866 70442 70741 66079 66094 71938 87052 103343 103499 113054 104045 105944
 108919 98144 114088 119927 130150 121728 125929 133044 112651 127981 133685 150217 142195 141345 153178 128611 142883
 147262 162623 154021 153506 165131 136197 155138 157948 177548 163220 165856 175309
-""".split(), float).reshape(2, 15, 7) / 1e5
+""".split(),
+        float,
+    ).reshape(2, 15, 7)
+    / 1e5
+)
 
 
 @dataclass
@@ -63,31 +69,57 @@ class Settings:
 
 def prepare(settings):
     """The model: constants of one glider, arrays over n nodes. ValueError for a polar or a body it cannot describe."""
+
     def quadratic(x, h, k, p):
         return (x - h) ** 2 / (4 * p) + k
 
     p, n = settings, settings.n_nodes
     if p.psi_m + abs(p.d_psi) >= math.pi / 2:
-        raise ValueError("psi_m + |d_psi| must stay below 90 degrees: the chord is undefined there")
+        raise ValueError(
+            "psi_m + |d_psi| must stay below 90 degrees: the chord is undefined there"
+        )
     ds = p.svl / n
     x = (np.arange(n) + 0.5) / n
     chord = p.svl * quadratic(x, 0.51220022, 0.02895101, -4.88957129)
-    share = np.where(x <= 0.037, quadratic(x, 0.01661771, 1.36099325, -0.00012991),
-                     quadratic(x, 0.52583598, 1.11461374, -0.10778636))
+    share = np.where(
+        x <= 0.037,
+        quadratic(x, 0.01661771, 1.36099325, -0.00012991),
+        quadratic(x, 0.52583598, 1.11461374, -0.10778636),
+    )
     share /= share.sum()
-    mass = 1e-3 * math.exp(-9.94919177 + 3.19831074 * math.log(100 * p.svl)) if p.mass is None else p.mass
-    x_wave = np.maximum(x, p.neck_fraction)  # neck (eqs 9-12): the wave at its end, tapered to zero at the snout
+    mass = (
+        1e-3 * math.exp(-9.94919177 + 3.19831074 * math.log(100 * p.svl))
+        if p.mass is None
+        else p.mass
+    )
+    x_wave = np.maximum(
+        x, p.neck_fraction
+    )  # neck (eqs 9-12): the wave at its end, tapered to zero at the snout
     taper = x / x_wave
     wave = np.exp(2j * np.pi * p.nu_theta * x_wave)
-    trapezoid = ds * (np.tri(n) - 0.5 * np.eye(n))  # less half of node 0, a shift that the centring removes
+    trapezoid = ds * (
+        np.tri(n) - 0.5 * np.eye(n)
+    )  # less half of node 0, a shift that the centring removes
     return SimpleNamespace(
-        settings=p, mass=mass, omega=2 * math.pi * p.f_theta,  # kg, rad/s
-        launch_speed=0.2409 * math.sqrt(2 * mass * p.gravity / (chord.sum() * ds) / p.air_density),  # m/s
-        wave=wave, wave_psi=p.psi_m * taper * wave**2,  # exp(i a) and psi_m exp(2 i a) at phase and time zero
-        amplitude=p.theta_m * taper, bias=np.array([p.d_theta * x, p.d_psi * x]),  # rad
-        integral=np.ascontiguousarray((trapezoid - share @ trapezoid).T),  # m, tangents @ integral = positions
-        node_mass=mass * share, pressure=p.air_density * chord * ds / (2 * mass * share),  # kg, 1/m (per node mass)
-        table=_polar_table(p), to_cell=np.array([np.full(n, 36 / np.pi), chord / p.viscosity / 2000.0]))  # of beta, |V|
+        settings=p,
+        mass=mass,
+        omega=2 * math.pi * p.f_theta,  # kg, rad/s
+        launch_speed=0.2409
+        * math.sqrt(2 * mass * p.gravity / (chord.sum() * ds) / p.air_density),  # m/s
+        wave=wave,
+        wave_psi=p.psi_m
+        * taper
+        * wave**2,  # exp(i a) and psi_m exp(2 i a) at phase and time zero
+        amplitude=p.theta_m * taper,
+        bias=np.array([p.d_theta * x, p.d_psi * x]),  # rad
+        integral=np.ascontiguousarray(
+            (trapezoid - share @ trapezoid).T
+        ),  # m, tangents @ integral = positions
+        node_mass=mass * share,
+        pressure=p.air_density * chord * ds / (2 * mass * share),  # kg, 1/m (per node mass)
+        table=_polar_table(p),
+        to_cell=np.array([np.full(n, 36 / np.pi), chord / p.viscosity / 2000.0]),
+    )  # of beta, |V|
 
 
 def _polar_table(settings):
@@ -97,13 +129,26 @@ def _polar_table(settings):
     -C_L(beta), C_D(180 - beta) = C_D(beta) built in, one force formula serves both polars. A last row (beta = 180 deg)
     and column (Re = 15000) close the grid.
     """
-    alpha, at_90 = np.arange(65.0, 91.0, 5.0)[:, None], np.linspace(2.0, 2.1, 7)  # extension beyond 60 deg
-    slope = 1.5 * LIFT[-1] - 2 * LIFT[-2] + 0.5 * LIFT[-3]  # per step of 5 deg, and no linear term below: as published
-    rows = np.array([[90.0**3, 90.0**2, 90.0, 1.0], [60.0**3, 60.0**2, 60.0, 1.0], [3 * 60.0**2, 2 * 60.0, 0.0, 0.0]])
+    alpha, at_90 = (
+        np.arange(65.0, 91.0, 5.0)[:, None],
+        np.linspace(2.0, 2.1, 7),
+    )  # extension beyond 60 deg
+    slope = (
+        1.5 * LIFT[-1] - 2 * LIFT[-2] + 0.5 * LIFT[-3]
+    )  # per step of 5 deg, and no linear term below: as published
+    rows = np.array(
+        [
+            [90.0**3, 90.0**2, 90.0, 1.0],
+            [60.0**3, 60.0**2, 60.0, 1.0],
+            [3 * 60.0**2, 2 * 60.0, 0.0, 0.0],
+        ]
+    )
     cubic = np.linalg.lstsq(rows, np.array([np.zeros(7), LIFT[-1], slope]), rcond=None)[0]
     lift = np.vstack([LIFT, alpha ** np.arange(3, -1, -1) @ cubic])
     drag = np.vstack([DRAG, at_90 + (DRAG[-1] - at_90) * ((alpha - 90) / 30) ** 2])
-    polar = settings.drag_scale * drag + 1j * settings.lift_scale * lift  # (21, 7), -10, ..., 90 deg
+    polar = (
+        settings.drag_scale * drag + 1j * settings.lift_scale * lift
+    )  # (21, 7), -10, ..., 90 deg
     below = np.repeat(polar[:1], 16, axis=0)  # -90, ..., -15 deg: held at the value at -10 deg
     if settings.polar == "smooth":
         below.imag *= np.sin(np.pi / 2 * np.arange(16) / 16)[:, None]
@@ -113,10 +158,16 @@ def _polar_table(settings):
     if settings.polar == "smooth":
         in_re = CubicSpline(np.arange(7), circle, axis=1, bc_type="clamped").c  # (4, 6, 72)
         in_re = np.concatenate([in_re, in_re[..., :1]], axis=2)
-        cells = CubicSpline(np.arange(73), in_re, axis=2, bc_type="periodic").c.transpose(0, 2, 1, 3)  # (4, 4, 72, 6)
-    elif settings.polar == "published":  # bilinear in each half by itself: lift jumps at beta = -90 deg
+        cells = CubicSpline(np.arange(73), in_re, axis=2, bc_type="periodic").c.transpose(
+            0, 2, 1, 3
+        )  # (4, 4, 72, 6)
+    elif (
+        settings.polar == "published"
+    ):  # bilinear in each half by itself: lift jumps at beta = -90 deg
         rise = np.roll(np.vstack([np.diff(half, axis=0), np.diff(fold, axis=0)]), 18, axis=0)
-        cells = np.array([[np.diff(corner, axis=1), corner[:, :-1]] for corner in (rise, circle)])
+        cells = np.array(
+            [[np.diff(corner, axis=1), corner[:, :-1]] for corner in (rise, circle)]
+        )
     else:
         raise ValueError(f"unknown polar {settings.polar!r}: 'published' or 'smooth'")
     last = np.zeros_like(cells[..., :1])
@@ -125,7 +176,10 @@ def _polar_table(settings):
     return np.concatenate([cells, cells[:, :, :1]], axis=2).reshape(*cells.shape[:2], -1)
 
 
-CELL_ORIGIN, CELL_TOP = np.array([[36.0], [-1.5]]), np.array([[72.0], [6.0]])  # origin: beta = -180 deg, Re = 3000
+CELL_ORIGIN, CELL_TOP = (
+    np.array([[36.0], [-1.5]]),
+    np.array([[72.0], [6.0]]),
+)  # origin: beta = -180 deg, Re = 3000
 
 
 def coefficients(table, cell):
@@ -152,9 +206,13 @@ def tangents(model, angle, rate):
     a, b = model.wave * turn, model.wave_psi * (turn * turn)
     u, u_t = (np.pi / 2) * a.real, (-np.pi / 2 * rate) * a.imag
     lean, swing = model.amplitude * np.sin(u), model.amplitude * np.cos(u)
-    level = np.array([lean + model.bias[0], model.bias[1] - b.real])  # theta, psi and their rates
+    level = np.array(
+        [lean + model.bias[0], model.bias[1] - b.real]
+    )  # theta, psi and their rates
     level_t = np.array([swing * u_t, 2 * rate * b.imag])
-    level_tt = np.array([(-rate * rate) * u * swing - lean * u_t * u_t, 4 * rate * rate * b.real])
+    level_tt = np.array(
+        [(-rate * rate) * u * swing - lean * u_t * u_t, 4 * rate * rate * b.real]
+    )
     sin, cos = np.sin(level), np.cos(level)
     s, c = sin[1], cos[1]
     chord = np.empty(a.shape, complex)
@@ -178,8 +236,17 @@ def tangents(model, angle, rate):
 # (0-2), velocity (3-5), acceleration (6-8), force per node mass (9-11). Symmetric tensors are xx, yy, zz, xy, xz, yz.
 def _rotation(sy, cy, sp, cp, sr, cr):
     """C = C2(roll) C1(pitch) C3(yaw), from I to B, row by row, from the angles' sines and cosines."""
-    return (cr * cy - sr * sp * sy, cr * sy + sr * sp * cy, -sr * cp, -cp * sy, cp * cy, sp,
-            sr * cy + cr * sp * sy, sr * sy - cr * sp * cy, cr * cp)
+    return (
+        cr * cy - sr * sp * sy,
+        cr * sy + sr * sp * cy,
+        -sr * cp,
+        -cp * sy,
+        cp * cy,
+        sp,
+        sr * cy + cr * sp * sy,
+        sr * sy - cr * sp * cy,
+        cr * cp,
+    )
 
 
 def _angle_rates(wx, wy, wz, sp, cp, sr, cr):
@@ -196,8 +263,14 @@ def _axial(mx, my, mz, k):
 def _inertia(mx, my, mz, k):
     """Inertia tensor (k = 0) or half of its rate (k = 3): tr(J) 1 - J, J the symmetric part of sum m r q^T."""
     xx, yy, zz = mx[k], my[k + 1], mz[k + 2]
-    return (yy + zz, xx + zz, xx + yy,
-            -0.5 * (mx[k + 1] + my[k]), -0.5 * (mx[k + 2] + mz[k]), -0.5 * (my[k + 2] + mz[k + 1]))
+    return (
+        yy + zz,
+        xx + zz,
+        xx + yy,
+        -0.5 * (mx[k + 1] + my[k]),
+        -0.5 * (mx[k + 2] + mz[k]),
+        -0.5 * (my[k + 2] + mz[k + 1]),
+    )
 
 
 def _times(tensor, x, y, z):
@@ -207,8 +280,14 @@ def _times(tensor, x, y, z):
 
 def _solve(tensor, x, y, z):
     xx, yy, zz, xy, xz, yz = tensor
-    adjugate = (yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy,
-                xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - yz * xx)
+    adjugate = (
+        yy * zz - yz * yz,
+        xx * zz - xz * xz,
+        xx * yy - xy * xy,
+        xz * yz - xy * zz,
+        xy * yz - xz * yy,
+        xy * xz - yz * xx,
+    )
     det = xx * adjugate[0] + xy * adjugate[3] + xz * adjugate[4]
     return [part / det for part in _times(adjugate, x, y, z)]
 
@@ -220,16 +299,27 @@ def vector_field(t, y, model, phase):
     """
     _, _, _, vx, vy, vz, wx, wy, wz, yaw, pitch, roll, *path = y.tolist()
     sp, cp, sr, cr = math.sin(pitch), math.cos(pitch), math.sin(roll), math.cos(roll)
-    cxx, cxy, cxz, cyx, cyy, cyz, czx, czy, czz = _rotation(math.sin(yaw), math.cos(yaw), sp, cp, sr, cr)
+    cxx, cxy, cxz, cyx, cyy, cyz, czx, czy, czz = _rotation(
+        math.sin(yaw), math.cos(yaw), sp, cp, sr, cr
+    )
     n = model.amplitude.size
-    rows = np.empty((13, n))  # 1, position, velocity, acceleration in B (eq. 8), force per node mass
+    rows = np.empty(
+        (13, n)
+    )  # 1, position, velocity, acceleration in B (eq. 8), force per node mass
     rows[0] = 1.0
     tangent, chord, s, c = tangents(model, phase - model.omega * t, -model.omega)
     np.matmul(tangent.reshape(9, n), model.integral, out=rows[1:10])
     # V = C v_I + omega x r + [r_t] (eq. 23); (x, -y) as a complex number times e^(i theta) gives v_c - i v_b.
-    v = np.array([[cxx * vx + cxy * vy + cxz * vz, 0.0, -wz, wy, 1.0, 0.0, 0.0],
-                  [-cyx * vx - cyy * vy - cyz * vz, -wz, 0.0, wx, 0.0, -1.0, 0.0],
-                  [czx * vx + czy * vy + czz * vz, -wy, wx, 0.0, 0.0, 0.0, 1.0]]) @ rows[:7]
+    v = (
+        np.array(
+            [
+                [cxx * vx + cxy * vy + cxz * vz, 0.0, -wz, wy, 1.0, 0.0, 0.0],
+                [-cyx * vx - cyy * vy - cyz * vz, -wz, 0.0, wx, 0.0, -1.0, 0.0],
+                [czx * vx + czy * vy + czz * vz, -wy, wx, 0.0, 0.0, 0.0, 1.0],
+            ]
+        )
+        @ rows[:7]
+    )
     normal = np.empty(n, complex)
     normal.real, normal.imag = v[0], v[1]
     normal *= chord
@@ -250,26 +340,44 @@ def vector_field(t, y, model, phase):
     rows[10], rows[11] = force.real, force.imag
     total, mx, my, mz = ((rows[:4] * model.node_mass) @ rows[1:].T).tolist()
     inertia, half_rate = _inertia(mx, my, mz, 0), _inertia(mx, my, mz, 3)
-    hx, hy, hz = (x + y for x, y in zip(_times(inertia, wx, wy, wz), _axial(mx, my, mz, 3)))  # I omega + h
-    terms = zip(_axial(mx, my, mz, 9), _axial(mx, my, mz, 6), _times(half_rate, 2 * wx, 2 * wy, 2 * wz),
-                (wy * hz - wz * hy, wz * hx - wx * hz, wx * hy - wy * hx))
+    hx, hy, hz = (
+        x + y for x, y in zip(_times(inertia, wx, wy, wz), _axial(mx, my, mz, 3))
+    )  # I omega + h
+    terms = zip(
+        _axial(mx, my, mz, 9),
+        _axial(mx, my, mz, 6),
+        _times(half_rate, 2 * wx, 2 * wy, 2 * wz),
+        (wy * hz - wz * hy, wz * hx - wx * hz, wx * hy - wy * hx),
+    )
     torque = [moment - h_t - rate - turn for moment, h_t, rate, turn in terms]  # I omega_t
     fx, fy, fz = (f / model.mass for f in total[9:])
-    dy = [vx, vy, vz, cxx * fx + cyx * fy + czx * fz, cxy * fx + cyy * fy + czy * fz,
-          cxz * fx + cyz * fy + czz * fz - model.settings.gravity, *_solve(inertia, *torque),
-          *_angle_rates(wx, wy, wz, sp, cp, sr, cr)]
+    dy = [
+        vx,
+        vy,
+        vz,
+        cxx * fx + cyx * fy + czx * fz,
+        cxy * fx + cyy * fy + czy * fz,
+        cxz * fx + cyz * fy + czz * fz - model.settings.gravity,
+        *_solve(inertia, *torque),
+        *_angle_rates(wx, wy, wz, sp, cp, sr, cr),
+    ]
     return np.array([*dy, math.hypot(vx, vy)] if path else dy)
 
 
 def _moments(model, phases):
     """mx, my, mz (9, P) at phases (P,), derivatives taken with respect to the phase."""
     tangent, *_ = tangents(model, phases[:, None], 1.0)
-    q = (tangent.reshape(-1, model.amplitude.size) @ model.integral).reshape(9, len(phases), -1).transpose(1, 0, 2)
+    q = (
+        (tangent.reshape(-1, model.amplitude.size) @ model.integral)
+        .reshape(9, len(phases), -1)
+        .transpose(1, 0, 2)
+    )
     return ((q[:, :3] * model.node_mass) @ q.transpose(0, 2, 1)).transpose(1, 2, 0)
 
 
 def launch_phase(model):
     """Phase phi_theta (rad) of the first minimum of |h| downhill from zero (eq. 27), to 1e-9."""
+
     def slope(phases):  # of |h|^2 / 2, h per unit of -2 pi f
         moments = _moments(model, np.atleast_1d(phases))
         return sum(h * h_phase for h, h_phase in zip(_axial(*moments, 3), _axial(*moments, 6)))
@@ -279,7 +387,9 @@ def launch_phase(model):
         phases = step * np.arange(start, start + 17)
         uphill = np.flatnonzero(slope(phases)[1:] * step >= 0)
         if uphill.size:
-            return brentq(lambda phase: slope(phase)[0], *phases[uphill[0]:uphill[0] + 2], xtol=1e-12)
+            return brentq(
+                lambda phase: slope(phase)[0], *phases[uphill[0] : uphill[0] + 2], xtol=1e-12
+            )
     raise RuntimeError("no launch phase: |h| has no minimum")
 
 
@@ -317,13 +427,23 @@ def launch(model):
     raise RuntimeError("the launch attitude did not converge")
 
 
-def simulate(model, height=10.0, speed=None, rtol=1e-6, atol=1e-6, method="RK45", start=None, dense_output=False):
+def simulate(
+    model,
+    height=10.0,
+    speed=None,
+    rtol=1e-6,
+    atol=1e-6,
+    method="RK45",
+    start=None,
+    dense_output=False,
+):
     """Glide from `height` (m) at `speed` (m/s; None: the model's) to the ground or to 85 deg of yaw, pitch or roll.
 
     start: (phase, angles) from `launch`; None computes them. Returns a dict: t (k,) in s and y (13, k) at the solver's
     steps, the last at the end event; outcome (one of OUTCOMES or "time limit", 120 s), path_length (m), phase, angles,
     n_evaluations, sol (dense output or None). RuntimeError if the solver fails.
     """
+
     def margin(t, y, *_):  # the glide ends where it falls through zero
         return min(y[2], ANGLE_LIMIT - max(map(abs, y[9:12].tolist())))
 
@@ -331,12 +451,29 @@ def simulate(model, height=10.0, speed=None, rtol=1e-6, atol=1e-6, method="RK45"
     phase, angles = launch(model) if start is None else start
     y0 = np.zeros(13)
     y0[2], y0[4], y0[9:12] = height, model.launch_speed if speed is None else speed, angles
-    solution = solve_ivp(vector_field, (0.0, 120.0), y0, method=method, rtol=rtol, atol=atol, events=margin,
-                         args=(model, phase), dense_output=dense_output)
+    solution = solve_ivp(
+        vector_field,
+        (0.0, 120.0),
+        y0,
+        method=method,
+        rtol=rtol,
+        atol=atol,
+        events=margin,
+        args=(model, phase),
+        dense_output=dense_output,
+    )
     if solution.status < 0:
         raise RuntimeError(solution.message)
     end = solution.y[:, -1]
     nearest = np.argmin([end[2], *(ANGLE_LIMIT - np.abs(end[9:12]))])
     outcome = OUTCOMES[nearest] if solution.status == 1 else "time limit"
-    return {"t": solution.t, "y": solution.y, "outcome": outcome, "path_length": end[12], "phase": phase,
-            "angles": angles, "n_evaluations": solution.nfev, "sol": solution.sol}
+    return {
+        "t": solution.t,
+        "y": solution.y,
+        "outcome": outcome,
+        "path_length": end[12],
+        "phase": phase,
+        "angles": angles,
+        "n_evaluations": solution.nfev,
+        "sol": solution.sol,
+    }

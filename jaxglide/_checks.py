@@ -7,8 +7,13 @@ traced code.
 
 from typing import Any
 
-import jax
 import numpy as np
+from jax.core import Tracer
+
+
+def is_traced(value: Any) -> bool:
+    """Whether `value` is not known yet, inside `jit`, `grad` or `vmap`."""
+    return isinstance(value, Tracer)
 
 
 def check_range(
@@ -30,7 +35,7 @@ def check_range(
         low, high: allowed range.
         low_open, high_open: whether the bound itself is excluded.
     """
-    if isinstance(value, jax.core.Tracer):
+    if is_traced(value):
         return
     try:
         array = np.asarray(value, dtype=float)

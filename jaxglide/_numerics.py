@@ -55,7 +55,6 @@ def _horner(coefficients: tuple[float, ...], z: Array) -> Array:
     return reduce(lambda total, c: total * z + c, coefficients[-2::-1], coefficients[-1])  # type: ignore
 
 
-@jax.jit
 @jax.custom_jvp
 def sincos(x: Array) -> tuple[Array, Array]:
     """Sine and cosine of `x` [rad], any shape; about 1e-16 absolute for |x| < 1e5."""
@@ -75,14 +74,13 @@ def sincos(x: Array) -> tuple[Array, Array]:
     )
 
 
-@sincos.__wrapped__.defjvp
+@sincos.defjvp
 def _sincos_jvp(primals, tangents):
     s, c = sincos(*primals)
     (dx,) = tangents
     return (s, c), (c * dx, -s * dx)
 
 
-@jax.jit
 @jax.custom_jvp
 def arctan2(y: Array, x: Array) -> Array:
     """Angle [rad] of the point (x, y) in (-pi, pi]; 0, with gradient 0, at the origin."""
@@ -97,7 +95,7 @@ def arctan2(y: Array, x: Array) -> Array:
     return jnp.where(y < 0, -angle, angle)
 
 
-@arctan2.__wrapped__.defjvp
+@arctan2.defjvp
 def _arctan2_jvp(primals, tangents):
     y, x = primals
     dy, dx = tangents

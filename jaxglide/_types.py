@@ -6,6 +6,7 @@ component at every node.
 
 from typing import TypeAlias
 
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 Scalar: TypeAlias = Float[Array, ""]
@@ -20,6 +21,7 @@ Flag: TypeAlias = Bool[Array, ""]
 
 __all__ = [
     "Array",
+    "ArrayLike",
     "Bool",
     "Flag",
     "Float",

@@ -177,7 +177,7 @@ def _glide(args) -> int:
 
     from . import Gait, Glider, Launch, Outcome, Polar, Snake, simulate
 
-    nodes = args.nodes or (70 if args.node_set == "published" else 60)
+    nodes = {"published": 70, "gauss": 60}[args.node_set] if args.nodes is None else args.nodes
     fields = {"nodes": nodes, "node_set": args.node_set}
     if args.neck_fraction is not None:
         fields["neck_fraction"] = args.neck_fraction
@@ -264,11 +264,15 @@ def _shapes(args) -> int:
         flips = borderline(data, shape_space(args.height, rtol=1e-9, atol=1e-9))
     if args.json:
         keys = ("quantity", "f_theta", "region", "jaxglide", "published")
-        table = [dict(zip(keys, row, strict=True)) for row in rows]
+        table: list[dict] = [dict(zip(keys, row, strict=True)) for row in rows]
         if not published:
             for row in table:
                 row["published"] = None
-        print(json.dumps({"height": args.height, "seconds": took, "table": table, "borderline": flips}))
+        print(
+            json.dumps(
+                {"height": args.height, "seconds": took, "table": table, "borderline": flips}
+            )
+        )
         return 0
     print(f"{data.outcome.size} glides from {args.height:g} m in {took:.1f} s with compilation")
     print(f"{'':22}{'f (Hz)':>8}{'region':>10}{'jaxglide':>10}{'published':>11}{'diff.':>8}")

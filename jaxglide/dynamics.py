@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from ._numerics import cross, safe_sqrt, solve3
-from ._types import Mat3, Nodes3, Scalar, State, Vec3
+from ._types import Mat3, Nodes3, Scalar, State
 from .aerodynamics import Aerodynamics, element_forces
 from .attitude import angle_rates, rotation_matrix
 from .environment import Environment

@@ -13,7 +13,7 @@ import numpy as np
 
 from ._checks import check_range
 from ._numerics import sincos
-from ._types import Nodes, Scalar
+from ._types import ArrayLike, Nodes, Scalar
 
 _RANGES = {
     "theta_m": (0.0, np.pi),
@@ -96,7 +96,9 @@ class Bending(NamedTuple):
     psi_ddot: Nodes
 
 
-def bending(gait: Gait, neck_fraction: Scalar, fraction: Nodes, phase, phase_rate) -> Bending:
+def bending(
+    gait: Gait, neck_fraction: Scalar, fraction: Nodes, phase: ArrayLike, phase_rate: ArrayLike
+) -> Bending:
     """Bending angles of both waves, with exact time derivatives.
 
     In the neck, the angles of the wave at its end ramp linearly to zero at the snout

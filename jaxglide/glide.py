@@ -1,4 +1,4 @@
-"""`simulate`: one glide from launch to landing or loss of control (floor 4, MODEL section 10)."""
+"""`simulate`: one glide from launch to its end (floor 4, MODEL section 10)."""
 
 import enum
 import warnings
@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
 
-from ._checks import check_integer, check_range
+from ._checks import check_integer, check_range, is_traced
 from ._numerics import safe_sqrt
 from ._types import Array, Flag, Float, Integer, Scalar, State, Vec3
 from .attitude import angle_rates
@@ -170,7 +170,7 @@ class Glide(eqx.Module):
         return self.outcome == Outcome.LANDED
 
     def at(self, times) -> Float[Array, "T 13"]:
-        """States at `times` [s], (T,) -> (T, 13), NaN outside the glide; needs `dense=True`."""
+        """States at `times` [s], (T,) to (T, 13), NaN outside; needs `dense=True`."""
         if self.interpolation is None:
             raise ValueError("this glide kept no trajectory: simulate it with dense=True")
         times = jnp.asarray(times, self.time.dtype)
@@ -340,7 +340,8 @@ def _fly(glider: Glider, launch: Launch, settings: Settings, adjoint) -> _Flown:
         throw=False,
     )
     ts, ys, stats = solution.ts, solution.ys, solution.stats
-    assert ts is not None and ys is not None
+    assert ts is not None
+    assert ys is not None
     time = jnp.where(upright, ts["end"][0], 0.0)
     state = jnp.where(upright, ys["end"][0], start.state)
     states = None
@@ -461,10 +462,10 @@ def simulate(
         check_range("times", times, "s", 0)
         if times.ndim != 1 or times.size == 0:
             raise ValueError(f"times has shape {times.shape}: it must be (T,), not empty")
-        if not isinstance(times, jax.core.Tracer) and np.any(np.diff(times) < 0):
+        if not is_traced(times) and np.any(np.diff(times) < 0):
             raise ValueError("times must increase")
     dtype = launch.height.dtype
-    if dtype == jnp.float32 and not isinstance(rtol, jax.core.Tracer) and min(rtol, atol) < 1e-5:
+    if dtype == jnp.float32 and not is_traced(rtol) and min(rtol, atol) < 1e-5:
         warnings.warn(
             f"rtol = {rtol:g}, atol = {atol:g} are too tight for float32, whose steps cannot "
             "be that exact: call jax.config.update('jax_enable_x64', True) first, or use "

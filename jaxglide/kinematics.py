@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ._numerics import sincos
-from ._types import Nodes3, Scalar
+from ._types import ArrayLike, Nodes3, Scalar
 from .gait import Gait, bending
 from .snake import Sections
 
@@ -38,7 +38,11 @@ def wave_phase(gait: Gait, phi_theta, time) -> tuple[Scalar, Scalar]:
 
 
 def backbone(
-    sections: Sections, gait: Gait, neck_fraction: Scalar, phase: Scalar, phase_rate: Scalar
+    sections: Sections,
+    gait: Gait,
+    neck_fraction: Scalar,
+    phase: ArrayLike,
+    phase_rate: ArrayLike,
 ) -> Backbone:
     """Shape and motion of the body at a phase of its waves (eqs 8, 13-15).
 

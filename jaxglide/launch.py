@@ -46,7 +46,7 @@ class Launch(eqx.Module):
         ValueError: a value is not finite or out of range.
     """
 
-    height: Scalar = eqx.field(converter=_optional, default=10.0)
+    height: Scalar = eqx.field(converter=lambda x: jnp.asarray(x, float), default=10.0)
     speed: Scalar | None = eqx.field(converter=_optional, default=None)
     phi_theta: Scalar | None = eqx.field(converter=_optional, default=None)
     angles: Vec3 | None = eqx.field(converter=_optional, default=None)
@@ -189,9 +189,7 @@ def _free_rotation(time: Scalar, state: Float[Array, "6"], body: _FreeBody):
     return jnp.concatenate([angle_rates(angles, omega_B), angles])
 
 
-def launch_angles(
-    cycle: Cycle, phi_theta: Scalar, adjoint: diffrax.AbstractAdjoint
-) -> Vec3:
+def launch_angles(cycle: Cycle, phi_theta: Scalar, adjoint: diffrax.AbstractAdjoint) -> Vec3:
     """Yaw, pitch, roll [rad], (3,): minus their mean over one free undulation cycle.
 
     The mean is over `_MEAN` equally spaced times including the start but not the end. For

@@ -202,7 +202,9 @@ class Polar(eqx.Module):
             return terms[0] + z * horner(terms[1:], z) if len(terms) > 1 else terms[0]
 
         def evaluate(first):
-            in_re = [[c[..., first + degree * p + q] for q in range(degree)] for p in range(degree)]
+            in_re = [
+                [c[..., first + degree * p + q] for q in range(degree)] for p in range(degree)
+            ]
             return horner([horner(terms, y) for terms in in_re], x)
 
         return (

@@ -165,7 +165,12 @@ def glide_dataset(glide: Glide, frames: int = 201) -> xr.Dataset:
             "Pa",
             "dynamic pressure normal to the body",
         ),
-        "lift_coefficient": (along, np.asarray(air.lift_coefficient), "", "C_L, with fold sign"),
+        "lift_coefficient": (
+            along,
+            np.asarray(air.lift_coefficient),
+            "",
+            "C_L, with fold sign",
+        ),
         "drag_coefficient": (along, np.asarray(air.drag_coefficient), "", "C_D"),
     }
     variables = {

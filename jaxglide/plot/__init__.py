@@ -1,0 +1,20 @@
+"""Matplotlib figures of glides and of the shape space (floor 6).
+
+Imported only when asked for (`import jaxglide.plot`). Figures are made with Matplotlib's
+object-oriented interface: no window opens and no global state changes; save one with
+`figure.savefig(path)`. Units are metres, seconds and degrees.
+"""
+
+from ._style import style
+from .glide import angles, glide_overview, side_view, top_view
+from .shapes import region_outlines, shape_heatmaps
+
+__all__ = [
+    "angles",
+    "glide_overview",
+    "region_outlines",
+    "shape_heatmaps",
+    "side_view",
+    "style",
+    "top_view",
+]

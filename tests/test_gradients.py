@@ -1,0 +1,175 @@
+"""Gradients of whole glides, through the launch and the end event.
+
+Central differences of adaptive solves carry the noise of changing step sequences, so the
+differences are of fourth order with wide steps; fixed-step solves carry none and show that
+the derivative is that of the very same computation.
+"""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
+
+NAMES = ("theta_m", "psi_m", "nu_theta", "f_theta", "d_psi", "speed", "height", "mass", "lift")
+# Rows of gaits: theta_m, psi_m, d_psi [deg], nu_theta, f_theta; from 2 m to keep it short.
+GAITS = np.array(
+    [
+        [96.48753, 20.0, 10.0, 1.4, 1.2],
+        [104.0, 25.0, 5.0, 1.25, 1.4],
+        [113.0, 20.0, 0.0, 1.1, 1.2],
+        [91.0, 15.0, 12.0, 1.5, 1.0],
+        [100.0, 30.0, -5.0, 1.3, 1.5],
+        [108.0, 20.0, 15.0, 1.2, 1.1],
+    ]
+)
+
+
+def parameters(gait):
+    theta_m, psi_m, d_psi, nu_theta, f_theta = gait
+    angles = np.deg2rad([theta_m, psi_m, d_psi])
+    values = [angles[0], angles[1], nu_theta, f_theta, angles[2], 1.75, 2.0, 0.038, 1.0]
+    return np.array(values)
+
+
+def build(p, polar=Polar.smooth):
+    theta_m, psi_m, nu_theta, f_theta, d_psi, speed, height, mass, lift = p
+    snake = Snake.from_svl(0.7, mass, nodes=36, node_set="gauss")
+    gait = Gait(theta_m, psi_m, nu_theta, f_theta, d_psi)
+    return Glider(snake, gait, polar(lift_scale=lift)), Launch(height, speed)
+
+
+def outputs(p, **options):
+    """Landing distance, path length and end time."""
+    glide = simulate(*build(p), **options)
+    return jnp.stack([glide.landing_point[1], glide.path_length, glide.time])
+
+
+def central(function, p, index, h):
+    """Fourth-order central difference along one parameter, in steps of `h`."""
+    e = np.zeros_like(p)
+    e[..., index] = h
+    near, far = function(p + e) - function(p - e), function(p + 2 * e) - function(p - 2 * e)
+    return (8 * near - far) / (12 * h)
+
+
+POINTS = np.stack([parameters(gait) for gait in GAITS])
+SCALE = np.array([0.1, 0.1, 0.1, 0.1, 0.1, 1.0, 1.0, 0.01, 0.1])
+
+
+@pytest.fixture(scope="module")
+def fixed():
+    """Fixed-step solves and Jacobians of all gaits: jit of vmap."""
+    return {
+        "values": jax.jit(jax.vmap(lambda p: outputs(p, step=0.01))),
+        "jacfwd": jax.jit(jax.vmap(jax.jacfwd(lambda p: outputs(p, step=0.01)))),
+    }
+
+
+@pytest.fixture(scope="module")
+def forward(fixed):
+    return np.asarray(fixed["jacfwd"](POINTS))
+
+
+def test_against_differences_of_fixed_step_solves(fixed, forward):
+    for index, name in enumerate(NAMES):
+        difference = central(fixed["values"], POINTS, index, 3e-4 * SCALE[index])
+        error = np.abs(forward[:, :, index] - difference) * SCALE[index]
+        largest = (np.abs(forward) * SCALE).max(axis=2)
+        assert np.all(error < 1e-6 * largest), (name, error / largest)
+
+
+@pytest.mark.parametrize("height", [2.0, pytest.param(10.0, marks=pytest.mark.slow)])
+def test_against_differences_of_tight_solves(height):
+    """Adaptive solves at 1e-11: at most 1e-4 of the largest scaled derivative."""
+    tight = {"rtol": 1e-11, "atol": 1e-11}
+    points = POINTS.copy()
+    points[:, NAMES.index("height")] = height
+    values = jax.jit(jax.vmap(lambda p: outputs(p, **tight)))
+    jacobian = np.asarray(jax.jit(jax.vmap(jax.jacfwd(lambda p: outputs(p, **tight))))(points))
+    largest = (np.abs(jacobian) * SCALE).max(axis=2)
+    for index, name in enumerate(NAMES):
+        difference = central(values, points, index, 3e-3 * SCALE[index])
+        error = np.abs(jacobian[:, :, index] - difference) * SCALE[index]
+        assert np.all(error < 1e-4 * largest), (name, error / largest)
+
+
+def test_reverse_mode_of_the_default(forward):
+    reverse = jax.vmap(jax.jacrev(lambda p: outputs(p, step=0.01)))(POINTS[:2])
+    np.testing.assert_allclose(reverse, forward[:2], rtol=1e-9, atol=1e-12)
+
+
+def test_checkpointed_reverse_mode_agrees_with_forward(forward):
+    """An independent derivative: the checkpointed adjoint, through launch and event."""
+    adjoint = diffrax.RecursiveCheckpointAdjoint()
+    reverse = jax.jit(jax.jacrev(lambda p: outputs(p, step=0.01, adjoint=adjoint)))
+    largest = (np.abs(forward[0]) * SCALE).max(axis=1, keepdims=True)
+    error = np.abs(reverse(POINTS[0]) - forward[0]) * SCALE
+    assert np.all(error < 1e-6 * largest), error / largest
+
+
+def test_grad_without_jit_and_with_respect_to_modules():
+    """`filter_grad` of a glide with respect to everything that flies, many leaves."""
+    glider, launch = build(POINTS[0])
+
+    @eqx.filter_jit
+    @eqx.filter_grad
+    def gradient(snake):
+        flying = Glider(snake, glider.gait, glider.polar)
+        return simulate(flying, launch, step=0.02).landing_point[1]
+
+    found = gradient(glider.snake)
+    for leaf in jax.tree.leaves(found):
+        assert np.all(np.isfinite(leaf))
+    assert found.mass != 0
+    assert found.neck_fraction != 0
+
+
+def test_many_parameters_use_the_reverse_rule():
+    """More parameters than outputs: the polar's 13,824 coefficients at once."""
+    glider, launch = build(POINTS[0])
+
+    def distance(cells):
+        polar = Polar(cells)
+        return simulate(Glider(glider.snake, glider.gait, polar), launch, step=0.02).state[1]
+
+    cells = glider.polar.cells
+    gradient = np.asarray(jax.jit(jax.grad(distance))(cells))
+    assert np.all(np.isfinite(gradient))
+    # Along the direction that scales all lift, it is the derivative by the lift scale.
+    scaled = jnp.zeros_like(cells).at[:, :, 0].set(cells[:, :, 0])
+
+    def by_scale(scale):
+        polar = Polar(cells, lift_scale=scale)
+        return simulate(Glider(glider.snake, glider.gait, polar), launch, step=0.02).state[1]
+
+    expected = float(jax.jacfwd(by_scale)(1.0))
+    assert abs(np.sum(gradient * scaled) - expected) < 1e-8 * abs(expected)
+
+
+def test_second_derivatives_exist(fixed):
+    """Forward over reverse: the Hessian of the landing distance is symmetric."""
+
+    def distance(q):
+        p = jnp.asarray(POINTS[0]).at[jnp.array([0, 2])].set(q)
+        return outputs(p, step=0.02)[0]
+
+    hessian = np.asarray(jax.jit(jax.jacfwd(jax.grad(distance)))(POINTS[0][[0, 2]]))
+    assert np.all(np.isfinite(hessian))
+    np.testing.assert_allclose(hessian, hessian.T, rtol=1e-6)
+
+
+def test_published_polar_is_only_piecewise_smooth():
+    """Its gradient differs from differences by more than the smooth polar's: see README."""
+
+    def distance(p):
+        return simulate(*build(p, Polar.published), rtol=1e-9, atol=1e-9).landing_point[1]
+
+    exact = float(jax.jit(jax.jacfwd(distance))(POINTS[0])[0])
+    value = jax.jit(distance)
+    steps = {h: float(central(value, POINTS[0], 0, h)) for h in (1e-3, 3e-3)}
+    mismatch = max(abs(d - exact) for d in steps.values()) / abs(exact)
+    assert 1e-7 < mismatch < 0.05

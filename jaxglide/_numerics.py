@@ -55,6 +55,7 @@ def _horner(coefficients: tuple[float, ...], z: Array) -> Array:
     return reduce(lambda total, c: total * z + c, coefficients[-2::-1], coefficients[-1])  # type: ignore
 
 
+@jax.jit  # traced once, however often it is used
 @jax.custom_jvp
 def sincos(x: Array) -> tuple[Array, Array]:
     """Sine and cosine of `x` [rad], any shape; about 1e-16 absolute for |x| < 1e5."""
@@ -74,13 +75,14 @@ def sincos(x: Array) -> tuple[Array, Array]:
     )
 
 
-@sincos.defjvp
+@sincos.__wrapped__.defjvp  # type: ignore
 def _sincos_jvp(primals, tangents):
     s, c = sincos(*primals)
     (dx,) = tangents
     return (s, c), (c * dx, -s * dx)
 
 
+@jax.jit  # traced once, however often it is used
 @jax.custom_jvp
 def arctan2(y: Array, x: Array) -> Array:
     """Angle [rad] of the point (x, y) in (-pi, pi]; 0, with gradient 0, at the origin."""
@@ -95,7 +97,7 @@ def arctan2(y: Array, x: Array) -> Array:
     return jnp.where(y < 0, -angle, angle)
 
 
-@arctan2.defjvp
+@arctan2.__wrapped__.defjvp  # type: ignore
 def _arctan2_jvp(primals, tangents):
     y, x = primals
     dy, dx = tangents

@@ -213,7 +213,8 @@ class Glide(eqx.Module):
                 f"  launch angles    {triple(start)}",
                 f"  end angles       {triple(end)}",
                 f"  largest angles   {triple(most)}",
-                f"  steps            {int(self.accepted)} accepted, {int(self.rejected)} rejected",
+                f"  solver steps     {int(self.accepted)} accepted, "
+                f"{int(self.rejected)} rejected",
             ]
         )
 
@@ -382,7 +383,8 @@ def _fly_jvp(primals, tangents, *, settings):
     direction, _ = ravel_pytree(tangents)
 
     def outputs(x, adjoint):
-        flown = _fly(*eqx.combine(unravel(x), fixed), settings, adjoint)
+        glider, launch = eqx.combine(unravel(x), fixed)
+        flown = _fly(glider, launch, settings, adjoint)
         floats = eqx.filter(flown, eqx.is_inexact_array)
         return ravel_pytree(floats)[0], flown
 

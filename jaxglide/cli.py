@@ -9,6 +9,8 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+from .parameters import CHOICES, PARAMETERS
+
 _XLA_FLAGS = ("--xla_cpu_prefer_vector_width=512",)
 """Measured in benchmarks/README.md; a user's own XLA_FLAGS win."""
 
@@ -59,46 +61,47 @@ def _add_tolerances(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--atol", type=_number, default=1e-6, help="absolute tolerance (1e-6)")
 
 
-def _add_output(parser: argparse.ArgumentParser) -> None:
+def _add_output(parser: argparse.ArgumentParser, plot: bool = True) -> None:
     group = parser.add_argument_group("output")
     group.add_argument("--save", metavar="FILE", type=Path, help="write a NetCDF file (.nc)")
-    group.add_argument("--plot", metavar="FILE", type=Path, help="write a figure (.png, .pdf)")
+    if plot:
+        text = "write a figure (.png, .pdf, .svg)"
+        group.add_argument("--plot", metavar="FILE", type=Path, help=text)
+    else:
+        parser.set_defaults(plot=None)
     group.add_argument("--json", action="store_true", help="print one JSON object instead")
 
 
+_GROUPS = {
+    "gait": ("nu_theta", "theta_m", "psi_m", "d_psi", "d_theta", "f_theta"),
+    "snake": ("svl", "mass", "neck_fraction"),
+    "launch": ("height", "speed"),
+    "air": ("lift_scale", "drag_scale", "gravity", "air_density", "kinematic_viscosity"),
+}
+
+
+def _add_setup(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("setup")
+    for name, choices in CHOICES.items():
+        flag = f"--{name.replace('_', '-')}"
+        group.add_argument(flag, choices=choices, default=choices[0], help=f"({choices[0]})")
+    group.add_argument("--nodes", type=_whole, metavar="N", help="nodes (70; gauss: 60)")
+
+
 def _add_glider(parser: argparse.ArgumentParser) -> None:
-    gait = parser.add_argument_group("gait (angles in degrees)")
-    number = {"type": _number, "metavar": "X"}
-    gait.add_argument("--nu-theta", default=1.4, help="spatial periods (1.4)", **number)
-    gait.add_argument(
-        "--theta-m", help="horizontal amplitude [deg] (on the published shape line)", **number
-    )
-    gait.add_argument("--psi-m", default=20.0, help="vertical amplitude [deg] (20)", **number)
-    gait.add_argument(
-        "--d-psi", default=10.0, help="dorsoventral bending [deg/SVL] (10)", **number
-    )
-    gait.add_argument("--d-theta", default=0.0, help="lateral bias [deg/SVL] (0)", **number)
-    gait.add_argument(
-        "--f-theta", default=1.2, help="undulation frequency [Hz], 0 frozen (1.2)", **number
-    )
-    snake = parser.add_argument_group("snake")
-    snake.add_argument("--svl", default=0.70, help="snout-vent length [m] (0.70)", **number)
-    snake.add_argument("--mass", help="mass [kg] (from the length)", **number)
-    snake.add_argument(
-        "--neck-fraction", default=None, help="end of the neck, of SVL (0.0786)", **number
-    )
-    snake.add_argument("--nodes", type=_whole, metavar="N", help="nodes (70; gauss: 60)")
-    snake.add_argument(
-        "--node-set", choices=("published", "gauss"), default="published", help="(published)"
-    )
-    air = parser.add_argument_group("launch and air")
-    air.add_argument("--height", default=10.0, help="launch height [m] (10)", **number)
-    air.add_argument("--speed", help="launch speed [m/s] (from wing loading)", **number)
-    air.add_argument(
-        "--polar", choices=("published", "smooth"), default="published", help="(published)"
-    )
-    air.add_argument("--lift-scale", default=1.0, help="multiplier on C_L (1)", **number)
-    air.add_argument("--drag-scale", default=1.0, help="multiplier on C_D (1)", **number)
+    for title, names in _GROUPS.items():
+        group = parser.add_argument_group(title)
+        for name in names:
+            p = PARAMETERS[name]
+            unit = f" [{p.unit}]" if p.unit else ""
+            default = "" if p.default is None else f" ({p.default:.4g})"
+            group.add_argument(
+                f"--{name.replace('_', '-')}",
+                type=_number,
+                metavar="X",
+                help=f"{p.meaning}{unit}{default}",
+            )
+    _add_setup(parser)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -136,6 +139,32 @@ def _parser() -> argparse.ArgumentParser:
     _add_tolerances(shapes)
     _add_output(shapes)
     shapes.set_defaults(run=_shapes)
+    sweep = commands.add_parser(
+        "sweep",
+        help="fly any study: a grid or a list of cases, resumable",
+        description="Fly every combination of the varied parameters. Started again with the "
+        "same study and --store, it computes only what is missing.",
+        epilog="Example: jaxglide sweep --vary nu_theta=1:1.5:11 --vary d_psi=0,10,20 "
+        "--fix height=75 --store results/bend.zarr --save bend.nc",
+    )
+    sweep.add_argument("file", nargs="?", type=Path, help="study file (TOML)")
+    sweep.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="NAME=VALUES",
+        help="a parameter and its values: a,b,c or start:stop:count",
+    )
+    sweep.add_argument(
+        "--fix", action="append", default=[], metavar="NAME=VALUE", help="another value"
+    )
+    sweep.add_argument("--store", type=Path, metavar="FOLDER", help="keep results here (Zarr)")
+    sweep.add_argument("--width", type=_whole, metavar="N", help="glides per batch")
+    sweep.add_argument("--cluster", metavar="ADDRESS", help="scheduler of a Dask cluster")
+    _add_setup(sweep)
+    _add_tolerances(sweep)
+    _add_output(sweep, plot=False)
+    sweep.set_defaults(run=_sweep)
     return parser
 
 
@@ -175,23 +204,18 @@ def _glide(args) -> int:
     import diffrax
     import numpy as np
 
-    from . import Gait, Glider, Launch, Outcome, Polar, Snake, simulate
+    from .cases import build, check_parameters, check_setup
+    from .glide import Outcome, simulate
 
-    nodes = {"published": 70, "gauss": 60}[args.node_set] if args.nodes is None else args.nodes
-    fields = {"nodes": nodes, "node_set": args.node_set}
-    if args.neck_fraction is not None:
-        fields["neck_fraction"] = args.neck_fraction
-    glider = Glider(
-        Snake.from_svl(args.svl, args.mass, **fields),
-        Gait.from_degrees(
-            args.theta_m, args.psi_m, args.nu_theta, args.f_theta, args.d_psi, args.d_theta
-        ),
-        Polar.from_name(args.polar, args.lift_scale, args.drag_scale),
-    )
+    given = {name: getattr(args, name) for name in PARAMETERS}
+    case = {name: value for name, value in given.items() if value is not None}
+    check_parameters(case)
+    setup = {name: getattr(args, name) for name in (*CHOICES, "nodes")}
+    glider, launch = build(case, check_setup(setup))
     solvers = (diffrax.Dopri5, diffrax.Tsit5, diffrax.Dopri8, diffrax.Bosh3)
     glide = simulate(
         glider,
-        Launch(args.height, args.speed),
+        launch,
         rtol=args.rtol,
         atol=args.atol,
         solver=dict(zip(_SOLVERS, solvers, strict=True))[args.solver](),
@@ -288,6 +312,68 @@ def _shapes(args) -> int:
         for f_theta, theta_m, nu_theta in flips:
             print(f"  f {f_theta:.1f} Hz, theta_m {theta_m:.2f} deg, nu_theta {nu_theta:.2f}")
     return 0
+
+
+def _values(text: str) -> tuple[str, list[float]]:
+    """Name and values of NAME=a,b,c or NAME=start:stop:count."""
+    name, equals, values = text.partition("=")
+    try:
+        if not equals:
+            raise ValueError
+        if ":" not in values:
+            return name, [float(value) for value in values.split(",")]
+        start, stop, count = values.split(":")
+        if not 1 <= int(count) <= 10**7:
+            raise ValueError
+        step = (float(stop) - float(start)) / max(int(count) - 1, 1)
+        return name, [float(start) + step * i for i in range(int(count))]
+    except ValueError:
+        raise UsageError(f"{text!r} is not NAME=a,b,c nor NAME=start:stop:count") from None
+
+
+def _sweep(args) -> int:
+    import numpy as np
+
+    from .glide import Outcome
+    from .study import Study
+    from .sweep import sweep
+
+    if args.file is not None:
+        if args.vary or args.fix:
+            raise UsageError("give a study file or --vary and --fix, not both")
+        study = Study.from_file(args.file)
+    else:
+        if not args.vary:
+            raise UsageError("nothing to vary: give a study file or --vary NAME=VALUES")
+        fixed = {}
+        for name, values in map(_values, args.fix):
+            if len(values) != 1:
+                raise UsageError(f"--fix {name} takes one value")
+            fixed[name] = values[0]
+        setup = {name: getattr(args, name) for name in (*CHOICES, "nodes")}
+        grid = dict(map(_values, args.vary))
+        study = Study(grid, fixed=fixed, setup=setup, rtol=args.rtol, atol=args.atol)
+    if args.width is not None and args.width < 1:
+        raise UsageError(f"--width {args.width} is not at least 1")
+    begin = time.perf_counter()
+    data = sweep(study, args.store, width=args.width, cluster=args.cluster)
+    took = time.perf_counter() - begin
+    _write(lambda: data, None, args)
+    codes = data.outcome.values
+    counts = {str(o): int((codes == o).sum()) for o in Outcome if (codes == o).any()}
+    computed = all(o <= Outcome.UNSTABLE_ROLL for o in Outcome if str(o) in counts)
+    if args.json:
+        print(json.dumps({"glides": len(study), "seconds": took, "outcomes": counts}))
+        return 0 if computed else 1
+    print(f"{len(study)} glides in {took:.1f} s, shape {'x'.join(map(str, study.shape))}")
+    for outcome, count in counts.items():
+        print(f"  {outcome:18} {count}")
+    best = int(data.landing_point.sel(axis="y").values.ravel().argmax())
+    where = {name: float(v[0]) for name, v in study.columns(np.array([best])).items()}
+    point = data.landing_point.sel(axis="y").values.ravel()[best]
+    told = ", ".join(f"{name} {value:g}" for name, value in where.items())
+    print(f"farthest forward   {point:.3f} m at {told}")
+    return 0 if computed else 1
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -13,12 +13,10 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 
 from ._checks import check_integer, check_range, is_traced
-from ._numerics import safe_sqrt
+from ._peaks import PeakController
 from ._types import Array, Flag, Float, Integer, Scalar, State, Vec3
-from .attitude import angle_rates
 from .dynamics import (
     ANGLES,
-    OMEGA,
     PATH,
     POSITION,
     VELOCITY,
@@ -219,66 +217,6 @@ class Glide(eqx.Module):
         )
 
 
-class _Peaks(eqx.Module):
-    """Largest |angles| up to a point of the glide, and that point."""
-
-    largest: Vec3
-    time: Scalar
-    angles: Vec3
-    rates: Vec3
-
-    @classmethod
-    def start(cls, time, state) -> "_Peaks":
-        angles = state[ANGLES]
-        return cls(jnp.abs(angles), time, angles, _rates(state))
-
-    def upto(self, time, state) -> "_Peaks":
-        """Include the cubic through both ends of the interval, values and slopes."""
-        angles, rates = state[ANGLES], _rates(state)
-        h = time - self.time
-        a, da, b, db = self.angles, h * self.rates, angles, h * rates
-        # a + da x + p x^2 + q x^3 on 0 <= x <= 1; extremes where its slope is zero
-        p, q = 3 * (b - a) - 2 * da - db, da + db - 2 * (b - a)
-        root = safe_sqrt(jnp.maximum(p * p - 3 * q * da, 0.0))
-        sign = jnp.where(p < 0, -1.0, 1.0)
-        s = -(p + sign * root)
-        largest = jnp.maximum(self.largest, jnp.abs(b))
-        for top, bottom in ((s, 3 * q), (da, s)):
-            x = jnp.clip(top / jnp.where(bottom == 0, 1.0, bottom), 0.0, 1.0)
-            largest = jnp.maximum(largest, jnp.abs(a + x * (da + x * (p + x * q))))
-        return _Peaks(largest, time, angles, rates)
-
-
-def _rates(state: State) -> Vec3:
-    return angle_rates(state[ANGLES], state[OMEGA])
-
-
-class _PeakController(diffrax.AbstractStepSizeController):
-    """A step size controller that also follows the largest angles of the accepted steps.
-
-    Each call covers the glide up to the start of the step it judges, so that the last
-    step, which an event cuts short, is left to be covered to its true end.
-    """
-
-    inner: diffrax.AbstractStepSizeController
-
-    def wrap(self, direction):
-        return _PeakController(self.inner.wrap(direction))
-
-    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
-        t1, state = self.inner.init(terms, t0, t1, y0, dt0, args, func, error_order)
-        return t1, (state, _Peaks.start(t0, y0))
-
-    def adapt_step_size(
-        self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
-    ):
-        state, peaks = controller_state
-        *decision, state, result = self.inner.adapt_step_size(
-            t0, t1, y0, y1_candidate, args, y_error, error_order, state
-        )
-        return *decision, (state, peaks.upto(t0, y0)), result
-
-
 def _clearance(t, y, args=None, **_):
     """Positive in flight, zero at the first of ground contact or an angle's limit."""
     return jnp.minimum(y[2], jnp.min(ANGLE_LIMIT - jnp.abs(y[ANGLES])))
@@ -334,7 +272,7 @@ def _fly(glider: Glider, launch: Launch, settings: Settings, adjoint) -> _Flown:
         y0=state,
         args=flight,
         saveat=diffrax.SaveAt(subs=saved, dense=settings.dense, controller_state=True),
-        stepsize_controller=_PeakController(settings.controller()),
+        stepsize_controller=PeakController(settings.controller()),
         event=diffrax.Event(_clearance, finder, direction=False),
         adjoint=adjoint,
         max_steps=settings.max_steps,

@@ -7,14 +7,10 @@ flying snakes", Nature Physics 16, 974-982 (2020), doi:10.1038/s41567-020-0935-4
 import numpy as np
 import xarray as xr
 
-from .dynamics import Glider
-from .gait import Gait, shape_line
+from .gait import shape_line
 from .glide import Outcome
-from .launch import Launch
-from .polar import Polar
-from .records import labelled, stamp
-from .snake import Snake
-from .sweep import fly
+from .study import Study
+from .sweep import sweep
 
 NU_THETA = np.round(np.linspace(1.0, 1.5, 11), 2)
 """Wave numbers of the eleven published shapes, (11,)."""
@@ -44,42 +40,30 @@ def regions() -> np.ndarray:
     return np.where(np.abs(offset) <= 2, "observed", names)
 
 
-def _build(case):
-    gait = Gait.from_degrees(
-        theta_m=case["theta_m"],
-        nu_theta=case["nu_theta"],
-        f_theta=case["f_theta"],
-        psi_m=20.0,
-        d_psi=10.0,
-    )
-    polar = Polar.published()
-    return Glider(Snake.from_svl(0.70), gait, polar), Launch(height=case["height"])
-
-
-def shape_space(
-    height: float = 10.0, *, rtol: float = 1e-6, atol: float = 1e-6, chunk: int = 122
-) -> xr.Dataset:
-    """Fly the 121 published shapes frozen (0 Hz) and undulating (1.2 Hz).
+def shape_study(height: float = 10.0, *, rtol: float = 1e-6, atol: float = 1e-6) -> Study:
+    """The 121 published shapes, frozen (0 Hz) and undulating (1.2 Hz).
 
     Args:
         height: launch height [m]; published at 10 and 75.
         rtol, atol: tolerances, as in `simulate`.
-        chunk: glides in one batch.
+    """
+    grid = {"f_theta": [0.0, 1.2], "theta_m": THETA_M, "nu_theta": NU_THETA}
+    return Study(grid, fixed={"height": height}, rtol=rtol, atol=atol)
+
+
+def shape_space(height: float = 10.0, *, rtol=1e-6, atol=1e-6, **options) -> xr.Dataset:
+    """Fly the published shape space.
+
+    Args:
+        height, rtol, atol: as in `shape_study`.
+        **options: keyword arguments of `sweep.sweep`.
 
     Returns:
         Dataset over f_theta [Hz], theta_m [deg] and nu_theta, with `region` as a
         coordinate and angles in degrees.
     """
-    sizes = {"f_theta": [0.0, 1.2], "theta_m": THETA_M, "nu_theta": NU_THETA}
-    grid = np.meshgrid(*sizes.values(), indexing="ij")
-    cases = {name: values.ravel() for name, values in zip(sizes, grid, strict=True)}
-    cases["height"] = np.full(grid[0].size, float(height))
-    flown = fly(_build, cases, rtol=rtol, atol=atol, chunk=chunk)
-    data = labelled(flown, sizes)
-    data = data.assign_coords(region=(("theta_m", "nu_theta"), regions()))
-    settings = {"height": height, "rtol": rtol, "atol": atol, "svl": 0.70, "psi_m": 20.0}
-    fixed = {"d_psi": 10.0, "nodes": 70, "node_set": "published", "polar": "published"}
-    return stamp(data, {**settings, **fixed})
+    data = sweep(shape_study(height, rtol=rtol, atol=atol), **options)
+    return data.assign_coords(region=(("theta_m", "nu_theta"), regions()))
 
 
 def _mean(values: xr.DataArray, region: str) -> float:

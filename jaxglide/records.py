@@ -12,7 +12,16 @@ import xarray as xr
 
 from .dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY
 from .glide import Glide, Outcome, reconstruct
+from .parameters import PARAMETERS
+from .study import Study
 
+# name: (part of the state, trailing dimensions, unit, long name, radians inside)
+_STATES: dict[str, tuple[Any, tuple[str, ...], str, str, bool]] = {
+    "position": (POSITION, ("axis",), "m", "centre of mass, inertial axes", False),
+    "trajectory_velocity": (VELOCITY, ("axis",), "m/s", "its velocity", False),
+    "omega": (OMEGA, ("axis",), "rad/s", "angular velocity, body axes", False),
+    "angles": (ANGLES, ("turn",), "deg", "yaw, pitch, roll", True),
+}
 _AXES = ("x", "y", "z")
 _TURNS = ("yaw", "pitch", "roll")
 
@@ -32,15 +41,6 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str, bool]] = {
     "launch_speed": ((), "m/s", "forward speed at launch", False),
     "accepted": ((), "", "accepted solver steps", False),
     "rejected": ((), "", "rejected solver steps", False),
-}
-_PARAMETERS = {
-    "nu_theta": ("", "spatial periods of the horizontal wave"),
-    "theta_m": ("deg", "amplitude of the horizontal wave"),
-    "psi_m": ("deg", "amplitude of the vertical wave"),
-    "f_theta": ("Hz", "undulation frequency"),
-    "d_psi": ("deg/SVL", "dorsoventral bending"),
-    "d_theta": ("deg/SVL", "lateral bias"),
-    "height": ("m", "launch height"),
 }
 
 
@@ -68,28 +68,44 @@ def _outcome_attributes() -> dict[str, Any]:
     }
 
 
-def labelled(flown: Mapping[str, np.ndarray], dims: Mapping[str, Any]) -> xr.Dataset:
-    """Results of `sweep.fly` over a grid, as a dataset in the units people read.
+def study_dataset(study: Study, flown: Mapping[str, np.ndarray]) -> xr.Dataset:
+    """Results of a study as a dataset in the units people read.
 
     Args:
-        flown: arrays by name, each (N, ...), with N the product of the dimensions' sizes.
-        dims: coordinate values by dimension, in the order of the grid.
+        study: the study; its parameters become dimensions (a grid) or coordinates along
+            `case` (a list), what it fixes becomes attributes.
+        flown: results by name as `sweep.results` keeps them, in case order, each (N, ...).
+
+    Returns:
+        Dataset with angles in degrees; the trajectories, if kept, over `sample`.
     """
-    sizes = tuple(len(values) for values in dims.values())
+    coordinates: dict[str, Any] = {"axis": list(_AXES), "turn": list(_TURNS)}
+    dims = tuple(study.varied) if study.cases is None else ("case",)
+    for name, values in study.varied.items():
+        about = {"units": PARAMETERS[name].unit, "long_name": PARAMETERS[name].meaning}
+        coordinates[name] = (name if study.cases is None else "case", values, about)
     variables = {}
+    flown = dict(flown)
+    states = flown.pop("states", None)
+    if states is not None:
+        coordinates["sample"] = ("sample", np.asarray(study.times), {"units": "s"})
+        for name, (part, trailing, unit, long_name, radians) in _STATES.items():
+            values = states[..., part].reshape(*study.shape, *states[..., part].shape[1:])
+            values = np.rad2deg(values) if radians else values
+            about = {"units": unit, "long_name": long_name}
+            variables[name] = ((*dims, "sample", *trailing), values, about)
     for name, values in flown.items():
         trailing, unit, long_name, radians = _VARIABLES[name]
-        values = np.asarray(values).reshape(*sizes, *np.shape(values)[1:])
-        attributes: dict[str, Any] = {"units": unit, "long_name": long_name}
+        values = values.reshape(*study.shape, *values.shape[1:])
+        about = {"units": unit, "long_name": long_name}
         if name == "outcome":
-            attributes |= _outcome_attributes()
+            about |= _outcome_attributes()
         values = np.rad2deg(values) if radians else values
-        variables[name] = ((*dims, *trailing), values, attributes)
-    coordinates: dict[str, Any] = {"axis": list(_AXES), "turn": list(_TURNS)}
-    for name, values in dims.items():
-        unit, long_name = _PARAMETERS.get(name, ("", name))
-        coordinates[name] = (name, values, {"units": unit, "long_name": long_name})
-    return xr.Dataset(variables, coords=coordinates)
+        variables[name] = ((*dims, *trailing), values, about)
+    settings = {**study.fixed, **study.setup, "rtol": study.rtol, "atol": study.atol}
+    limits = {"max_time": study.max_time, "max_steps": study.max_steps}
+    record = {"study": study.to_json(), **settings, **limits}
+    return stamp(xr.Dataset(variables, coords=coordinates), record)
 
 
 def _settings(glide: Glide) -> dict[str, Any]:

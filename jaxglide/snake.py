@@ -14,11 +14,9 @@ import numpy as np
 
 from ._checks import check_choice, check_integer, check_range
 from ._types import Array, Float, Nodes, NodesNodes, Scalar
+from .parameters import PUBLISHED_NECK
 
 NodeSet: TypeAlias = Literal["published", "gauss"]
-
-PUBLISHED_NECK = 0.055 / 0.70
-"""Fraction of SVL at which the published model's neck ends (its node at 5.5 cm)."""
 
 # Parabolas (h, k, p) of (x - h)^2/(4p) + k in x = s/L: chord/L, and linear density.
 _CHORD = (0.51220022, 0.02895101, -4.88957129)

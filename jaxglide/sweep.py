@@ -1,26 +1,31 @@
-"""Batches of glides (floor 5)."""
+"""Sweeps: many glides as vmapped batches, on all devices, resumable (floor 5)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from ._types import Array, Scalar
-from .dynamics import Glider
+from ._types import Array
+from .cases import build
 from .glide import Glide, simulate
-from .launch import Launch
+from .records import study_dataset
+from .store import Store
+from .study import Study
 
-Build = Callable[[dict[str, Scalar]], tuple[Glider, Launch]]
-"""Turns one case, a value per name, into what flies and how it is launched."""
+_CPU_LANES = 32  # per core: more gain nothing, and a batch waits for its slowest flight
+_MAX_LANES = 65_536  # per GPU
+_LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
 
 
 def results(glide: Glide) -> dict[str, Array]:
     """What a sweep keeps of every glide, in SI units and radians, by name."""
-    return {
+    kept = {
         "outcome": glide.outcome,
         "time": glide.time,
         "landing_point": glide.landing_point,
@@ -33,70 +38,156 @@ def results(glide: Glide) -> dict[str, Array]:
         "launch_phase": glide.take_off.phi_theta,
         "launch_angles": glide.take_off.angles,
         "launch_speed": glide.take_off.speed,
-        "accepted": glide.accepted,
-        "rejected": glide.rejected,
+        "accepted": glide.accepted.astype(jnp.int32),
+        "rejected": glide.rejected.astype(jnp.int32),
     }
+    if glide.states is not None:
+        kept["states"] = glide.states
+    return kept
+
+
+def _one(study_setup, options, times):
+    """Function of one case that flies it."""
+    setup, options = dict(study_setup), dict(options)
+
+    def fly(case, rtol, atol):
+        glider, launch = build(case, setup)
+        glide = simulate(glider, launch, rtol=rtol, atol=atol, times=times, **options)
+        return results(glide)
+
+    return fly
 
 
 @lru_cache(maxsize=16)
-def _flier(build: Build, mesh: Mesh, options: tuple):
-    """Compiled function of a batch of cases, its lanes shared out over the devices."""
-
-    def lanes(cases, rtol, atol):
-        def one(case):
-            glider, launch = build(case)
-            return results(simulate(glider, launch, rtol=rtol, atol=atol, **dict(options)))
-
-        return jax.vmap(one)(cases)
-
+def _flier(setup: tuple, options: tuple, times: tuple | None, devices: tuple):
+    """Compiled function of a batch of cases whose lanes are shared out over the devices."""
+    fly = jax.vmap(_one(setup, options, times), in_axes=(0, None, None))
     split, whole = PartitionSpec("lanes"), PartitionSpec()
+    mesh = Mesh(np.array(devices), ("lanes",))
     mapped = jax.shard_map(
-        lanes, mesh=mesh, in_specs=(split, whole, whole), out_specs=split, check_vma=False
+        fly, mesh=mesh, in_specs=(split, whole, whole), out_specs=split, check_vma=False
     )
-    return eqx.filter_jit(mapped)
+    return jax.jit(mapped), NamedSharding(mesh, split)
 
 
-def fly(
-    build: Build,
-    cases: Mapping[str, np.ndarray],
-    *,
-    rtol: float = 1e-6,
-    atol: float = 1e-6,
-    chunk: int = 128,
-    **options,
-) -> dict[str, np.ndarray]:
-    """Fly a list of cases as vmapped batches on all local devices.
+def _key(study: Study) -> tuple:
+    options = (("max_steps", study.max_steps), ("max_time", study.max_time))
+    return tuple(sorted(study.setup.items())), options, study.times
 
-    A batch runs until its slowest flight ends, so list together cases of similar length.
+
+def template(study: Study) -> dict[str, np.ndarray]:
+    """One result of every name with its shape and type, nothing computed."""
+    case = {name: jnp.zeros(()) for name in study.columns(np.zeros(1, int))}
+    shapes = jax.eval_shape(_one(*_key(study)), case, jnp.zeros(()), jnp.zeros(()))
+    return {name: np.zeros(s.shape, s.dtype) for name, s in shapes.items()}
+
+
+def default_width(study: Study) -> int:
+    """Glides per batch: by cache on CPU cores, by memory on GPUs."""
+    devices = jax.local_devices()
+    if devices[0].platform == "cpu":
+        lanes = _CPU_LANES
+    else:
+        memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
+        states = 13 * len(study.times or ())
+        per_lane = 8 * (_LIVE * study.setup["nodes"] + 20 * 13 + states)
+        lanes = int(min(_MAX_LANES, 0.5 * memory / per_lane))
+    return len(devices) * max(1, min(lanes, -(-len(study) // len(devices))))
+
+
+def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
+    """Fly some cases of a study as one batch.
 
     Args:
-        build: turns one case into a glider and a launch; traced under `vmap`. Pass the
-            same function again to reuse what was compiled for it.
-        cases: values by name, each of shape (N, ...).
-        rtol, atol: tolerances, as in `simulate`.
-        chunk: number of glides in one batch.
-        **options: other keyword arguments of `simulate`, hashable.
+        study: the study.
+        index: case numbers, (n,), n at most `width`.
+        width: size of the batch; it is filled up with repeats, so that one compiled
+            function serves every batch of a study.
 
     Returns:
-        What `results` keeps of every glide, by name, each of shape (N, ...), in order.
+        What `results` keeps, by name, each (n, ...).
     """
-    devices = jax.local_devices()
-    mesh = Mesh(np.array(devices), ("lanes",))
-    count = len(next(iter(cases.values())))
-    width = -(-min(chunk, count) // len(devices)) * len(devices)
-    flier = _flier(build, mesh, tuple(sorted(options.items())))
-    sharding = NamedSharding(mesh, PartitionSpec("lanes"))
-    pieces = []
-    for start in range(0, count, width):
-        # The last batch is filled up with repeats, so that one compiled function serves.
-        index = np.minimum(np.arange(start, start + width), count - 1)
-        # Neighbours go to different devices: every device gets short and long flights.
-        order = np.argsort(np.arange(width) % len(devices), kind="stable")
-        batch = {
-            name: jax.device_put(np.asarray(values)[index[order]], sharding)
-            for name, values in cases.items()
-        }
-        flown = flier(batch, jnp.asarray(rtol), jnp.asarray(atol))
-        back = np.argsort(order)[: count - start]
-        pieces.append({name: np.asarray(values)[back] for name, values in flown.items()})
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    devices = tuple(jax.local_devices())
+    flier, sharding = _flier(*_key(study), devices)
+    lanes = -(-width // len(devices)) * len(devices)
+    filled = index[np.minimum(np.arange(lanes), len(index) - 1)]
+    # Neighbours go to different devices: each gets as many long flights as the others.
+    place = np.argsort(np.arange(lanes) % len(devices), kind="stable")
+    batch = {
+        name: jax.device_put(values[place], sharding)
+        for name, values in study.columns(filled).items()
+    }
+    flown = flier(batch, jnp.asarray(study.rtol), jnp.asarray(study.atol))
+    back = np.argsort(place)[: len(index)]
+    return {name: np.asarray(values)[back] for name, values in flown.items()}
+
+
+def _progress(total: int, done: int, show: bool | None):
+    """A bar with rate and time left: on a terminal and in a notebook, silent when piped."""
+    from tqdm.auto import tqdm
+
+    notebook = "notebook" in tqdm.__module__
+    disable = None if show is None and not notebook else show is False
+    return tqdm(total=total, initial=done, unit="glide", disable=disable, smoothing=0.1)
+
+
+def sweep(
+    study: Study,
+    store: str | Path | None = None,
+    *,
+    width: int | None = None,
+    progress: bool | None = None,
+    cluster: Any = None,
+) -> xr.Dataset:
+    """Fly all cases of a study.
+
+    Args:
+        study: what to fly.
+        store: folder for the results (Zarr), written batch by batch. If it holds part of
+            the same study, only the rest is computed. Without one all stays in memory.
+        width: glides per batch; by default chosen for the devices.
+        progress: show a progress bar; by default where somebody can see it.
+        cluster: a `dask.distributed.Client`, or a scheduler's address, on whose workers to
+            compute; they must see `store` at the same path. Needs `jaxglide[cluster]`.
+
+    Returns:
+        Dataset over the grid's dimensions, or over `case`; see `records.study_dataset`.
+
+    Raises:
+        ValueError: a wrong argument, or a store that is not this study's (`StoreError`).
+    """
+    width = min(width or default_width(study), len(study))
+    order = study.order()
+    chunks = -(-len(study) // width)
+    kept = None if store is None else Store(store, study, width, template(study))
+    done = np.zeros(chunks, bool) if kept is None else kept.finished()
+    todo = np.flatnonzero(~done)
+    sizes = np.minimum(width, len(study) - width * np.arange(chunks))
+    pieces: dict[int, Mapping[str, np.ndarray]] = {}
+    with _progress(len(study), int(sizes[done].sum()), progress) as bar:
+        if cluster is not None:
+            from .cluster import solve_on_cluster
+
+            if store is None:
+                raise ValueError("a sweep on a cluster needs a store")
+            finished: Iterator = solve_on_cluster(study, Path(store), width, todo, cluster)
+        else:
+            finished = _solve_here(study, kept, width, order, todo, pieces)
+        for chunk in finished:
+            bar.update(int(sizes[chunk]))
+    if kept is not None:
+        flown = kept.read()
+    else:
+        flown = {n: np.concatenate([pieces[c][n] for c in range(chunks)]) for n in pieces[0]}
+    back = np.argsort(order)
+    return study_dataset(study, {name: values[back] for name, values in flown.items()})
+
+
+def _solve_here(study, kept, width, order, todo, pieces) -> Iterator[int]:
+    for chunk in map(int, todo):
+        values = solve(study, order[chunk * width : (chunk + 1) * width], width)
+        if kept is None:
+            pieces[chunk] = values
+        else:
+            kept.write(chunk, values)
+        yield chunk

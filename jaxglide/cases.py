@@ -1,0 +1,84 @@
+"""From named values in the units people read to a glider and its launch (floor 4)."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ._checks import check_choice, check_integer, check_range
+from .dynamics import Glider
+from .environment import Environment
+from .gait import Gait, shape_line
+from .launch import Launch
+from .parameters import CHOICES, NODES, PARAMETERS
+from .polar import Polar
+from .snake import Snake
+
+
+def check_parameters(values: Mapping[str, Any]) -> None:
+    """Raise `ValueError` for an unknown name or a value out of range."""
+    for name, value in values.items():
+        if name not in PARAMETERS:
+            known = ", ".join(PARAMETERS)
+            raise ValueError(f"there is no parameter {name!r}: known are {known}")
+        p = PARAMETERS[name]
+        check_range(name, value, p.unit, p.low, p.high, low_open=p.low_open)
+
+
+def check_setup(setup: Mapping[str, Any]) -> dict[str, Any]:
+    """The setup with defaults filled in: polar, node_set, nodes.
+
+    Raises:
+        ValueError: an unknown name or value.
+    """
+    unknown = set(setup) - {*CHOICES, "nodes"}
+    if unknown:
+        raise ValueError(f"there is no setting {sorted(unknown)[0]!r}")
+    full = {name: setup.get(name, choices[0]) for name, choices in CHOICES.items()}
+    for name, choices in CHOICES.items():
+        check_choice(name, full[name], choices)
+    nodes = setup.get("nodes")
+    full["nodes"] = NODES[full["node_set"]] if nodes is None else nodes
+    check_integer("nodes", full["nodes"], 8, 2000)
+    return full
+
+
+def build(case: Mapping[str, Any], setup: Mapping[str, Any]) -> tuple[Glider, Launch]:
+    """The glider and launch of one case; may be traced.
+
+    Args:
+        case: values of `PARAMETERS` by name, in their units; the others take defaults.
+        setup: "polar", "node_set" and "nodes", all given (see `check_setup`).
+    """
+    given: dict[str, Any] = {name: p.default for name, p in PARAMETERS.items()} | dict(case)
+    if given["theta_m"] is None:
+        given["theta_m"] = shape_line(given["nu_theta"])
+    angles = {name: given[name] for name in ("theta_m", "psi_m", "d_psi", "d_theta")}
+    gait = Gait.from_degrees(nu_theta=given["nu_theta"], f_theta=given["f_theta"], **angles)
+    snake = Snake.from_svl(
+        given["svl"],
+        given["mass"],
+        neck_fraction=given["neck_fraction"],
+        nodes=setup["nodes"],
+        node_set=setup["node_set"],
+    )
+    polar = Polar.from_name(setup["polar"], given["lift_scale"], given["drag_scale"])
+    air = (given[name] for name in ("gravity", "air_density", "kinematic_viscosity"))
+    glider = Glider(snake, gait, polar, Environment(*air))
+    return glider, Launch(given["height"], given["speed"])
+
+
+def as_array(name: str, values: Any) -> np.ndarray:
+    """Values of a parameter as a float array (N,), checked.
+
+    Raises:
+        ValueError: not one-dimensional, empty, or a value out of range.
+    """
+    try:
+        array = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} = {values!r} is not a list of numbers") from None
+    if array.ndim != 1 or array.size == 0:
+        raise ValueError(f"{name} must be a list of numbers, not empty")
+    check_parameters({name: array})
+    return array

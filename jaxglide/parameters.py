@@ -1,0 +1,56 @@
+"""What can be varied, by name, in the units people read (floor 0).
+
+One table serves sweeps, study files and the command line. It loads nothing.
+"""
+
+from typing import NamedTuple
+
+PUBLISHED_NECK = 0.055 / 0.70
+"""Fraction of SVL at which the published model's neck ends (its node at 5.5 cm)."""
+
+
+class Parameter(NamedTuple):
+    """A number that a study may vary.
+
+    Attributes:
+        unit: unit in which it is given ("" for none).
+        default: value where it is not given; None where it follows from others.
+        meaning: in words.
+        low, high: range; `low` itself is excluded where `low_open`.
+    """
+
+    unit: str
+    default: float | None
+    meaning: str
+    low: float
+    high: float
+    low_open: bool = False
+
+
+PARAMETERS: dict[str, Parameter] = {
+    "nu_theta": Parameter("", 1.4, "spatial periods of the horizontal wave", 0, 10),
+    "theta_m": Parameter("deg", None, "horizontal amplitude (on the shape line)", 0, 180),
+    "psi_m": Parameter("deg", 20.0, "vertical amplitude", 0, 180),
+    "d_psi": Parameter("deg/SVL", 10.0, "dorsoventral bending", -180, 180),
+    "d_theta": Parameter("deg/SVL", 0.0, "lateral bias, a turn", -180, 180),
+    "f_theta": Parameter("Hz", 1.2, "undulation frequency, 0 frozen", 0, 50),
+    "svl": Parameter("m", 0.70, "snout-vent length", 0, 100, True),
+    "mass": Parameter("kg", None, "mass (from the length)", 0, 1e5, True),
+    "neck_fraction": Parameter("", PUBLISHED_NECK, "end of the neck, of SVL", 0, 0.5, True),
+    "height": Parameter("m", 10.0, "launch height", 0, 1e5, True),
+    "speed": Parameter("m/s", None, "launch speed (from wing loading)", 0, 200),
+    "lift_scale": Parameter("", 1.0, "multiplier on the lift coefficient", 0, 100),
+    "drag_scale": Parameter("", 1.0, "multiplier on the drag coefficient", 0, 100),
+    "gravity": Parameter("m/s^2", 9.81, "gravitational acceleration", 0, 100),
+    "air_density": Parameter("kg/m^3", 1.165, "density of the air", 0, 2000, True),
+    "kinematic_viscosity": Parameter("m^2/s", 1.568e-5, "viscosity of the air", 0, 1, True),
+}
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "polar": ("published", "smooth"),
+    "node_set": ("published", "gauss"),
+}
+"""Settings that are names; the first is the default."""
+
+NODES = {"published": 70, "gauss": 60}
+"""Default number of nodes by node set."""

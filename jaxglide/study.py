@@ -1,0 +1,181 @@
+"""What a sweep is to compute: cases, what is fixed, and how to solve (floor 5)."""
+
+import hashlib
+import itertools
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._checks import check_integer, check_range
+from .cases import as_array, check_parameters, check_setup
+from .parameters import PARAMETERS
+
+
+@dataclass(frozen=True)
+class Study:
+    """A grid or a list of cases over any parameters of glider and launch.
+
+    Values are in the units people read (see `parameters.PARAMETERS`).
+
+    Args:
+        grid: values by name; every combination is a case, the last name varying fastest.
+        cases: values by name, all of one length N; the n-th of each make a case. Give
+            either `grid` or `cases`.
+        fixed: values of other parameters.
+        setup: "polar", "node_set", "nodes".
+        rtol, atol: tolerances.
+        max_time: longest flight [s].
+        max_steps: most solver steps.
+        times: times [s] at which to keep every trajectory, (T,), or None.
+
+    Raises:
+        ValueError: an unknown name, a value out of range, or lengths that differ.
+    """
+
+    grid: Mapping[str, Any] | None = None
+    cases: Mapping[str, Any] | None = None
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    setup: Mapping[str, Any] = field(default_factory=dict)
+    rtol: float = 1e-6
+    atol: float = 1e-6
+    max_time: float = 60.0
+    max_steps: int = 100_000
+    times: Any = None
+
+    def __post_init__(self):
+        if (self.grid is None) == (self.cases is None):
+            raise ValueError("a study has either a grid or cases")
+        varied = self.grid if self.cases is None else self.cases
+        assert varied is not None
+        if not varied:
+            raise ValueError("a study varies at least one parameter")
+        arrays = {name: as_array(name, values) for name, values in varied.items()}
+        if self.cases is not None and len({a.size for a in arrays.values()}) > 1:
+            sizes = ", ".join(f"{name} {a.size}" for name, a in arrays.items())
+            raise ValueError(f"cases differ in length: {sizes}")
+        check_parameters(self.fixed)
+        for name in self.fixed:
+            if name in arrays:
+                raise ValueError(f"{name} is both varied and fixed")
+        for name in ("rtol", "atol"):
+            check_range(name, getattr(self, name), "", 0, 0.1, low_open=True)
+        check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True)
+        check_integer("max_steps", self.max_steps, 1, 10**9)
+        times = None if self.times is None else tuple(map(float, np.atleast_1d(self.times)))
+        if times is not None:
+            check_range("times", times, "s", 0, self.max_time)
+            if any(b < a for a, b in itertools.pairwise(times)):
+                raise ValueError("times must increase")
+        set_ = object.__setattr__
+        set_(self, "grid" if self.cases is None else "cases", arrays)
+        set_(self, "fixed", {name: float(value) for name, value in self.fixed.items()})
+        set_(self, "setup", check_setup(self.setup))
+        set_(self, "times", times)
+
+    @property
+    def varied(self) -> dict[str, np.ndarray]:
+        """The values given, by name: of the grid's axes or of the cases."""
+        found = self.grid if self.cases is None else self.cases
+        return dict(found)  # type: ignore[arg-type]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the grid, or (N,)."""
+        if self.cases is None:
+            return tuple(len(values) for values in self.varied.values())
+        return (len(next(iter(self.varied.values()))),)
+
+    def __len__(self) -> int:
+        return int(np.prod(self.shape))
+
+    def columns(self, index: np.ndarray) -> dict[str, np.ndarray]:
+        """Values by name of the cases at `index`, (n,), fixed ones included, each (n,)."""
+        if self.cases is None:
+            places = np.unravel_index(index, self.shape)
+            varied = zip(self.varied.items(), places, strict=True)
+            found = {name: values[place] for (name, values), place in varied}
+        else:
+            found = {name: values[index] for name, values in self.varied.items()}
+        return found | {name: np.full(len(index), x) for name, x in self.fixed.items()}
+
+    def order(self) -> np.ndarray:
+        """Case numbers in an order that puts flights of similar length together, (N,).
+
+        Longer from higher up and with faster undulation; cases expected equal stay in the
+        order of the grid, where neighbours are alike.
+        """
+        column = self.columns(np.arange(len(self)))
+        height = column.get("height", PARAMETERS["height"].default)
+        f_theta = column.get("f_theta", PARAMETERS["f_theta"].default)
+        time = np.sqrt(np.asarray(height)) + np.asarray(height) / 5
+        expected = np.broadcast_to(time * (0.5 + np.asarray(f_theta)), (len(self),))
+        return np.argsort(np.round(expected, 6), kind="stable")
+
+    def to_json(self) -> str:
+        """The study as canonical JSON, exact to the last bit."""
+        kind = "grid" if self.cases is None else "cases"
+        record = {
+            kind: [[name, values.tolist()] for name, values in self.varied.items()],
+            "fixed": self.fixed,
+            "setup": self.setup,
+            "rtol": self.rtol,
+            "atol": self.atol,
+            "max_time": self.max_time,
+            "max_steps": self.max_steps,
+            "times": self.times,
+        }
+        return json.dumps(record, sort_keys=True)
+
+    @classmethod
+    def from_json(cls, text: str) -> "Study":
+        """The study that `to_json` wrote."""
+        record = json.loads(text)
+        for kind in ("grid", "cases"):
+            if kind in record:
+                record[kind] = dict(record[kind])
+        return cls(**record)
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the canonical JSON."""
+        return hashlib.sha256(self.to_json().encode()).hexdigest()
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> "Study":
+        """Read a study from a TOML file.
+
+        Tables `[grid]` or `[cases]`, `[fixed]`, `[setup]` and `[solver]` hold what `Study`
+        takes; values of a grid are a list or `{ start, stop, count }`.
+
+        Raises:
+            ValueError: not TOML, an unknown entry, or wrong values.
+            OSError: the file cannot be read.
+        """
+        try:
+            record = tomllib.loads(Path(path).read_text())
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path} is not a TOML file: {error}") from None
+        unknown = set(record) - {"grid", "cases", "fixed", "setup", "solver"}
+        if unknown:
+            raise ValueError(f"{path}: there is no entry {sorted(unknown)[0]!r} in a study")
+        solver = record.pop("solver", {})
+        unknown = set(solver) - {"rtol", "atol", "max_time", "max_steps", "times"}
+        if unknown:
+            raise ValueError(f"{path}: there is no entry {sorted(unknown)[0]!r} in [solver]")
+        if "grid" in record:
+            record["grid"] = {name: _span(name, v) for name, v in record["grid"].items()}
+        return cls(**record, **solver)
+
+
+def _span(name: str, value: Any) -> Any:
+    if not isinstance(value, dict):
+        return value
+    if set(value) != {"start", "stop", "count"}:
+        raise ValueError(f"{name} = {value} is not a list nor {{ start, stop, count }}")
+    check_integer(f"{name}: count", value["count"], 1, 10**7)
+    return np.linspace(value["start"], value["stop"], value["count"])

@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import subprocess
 import sys
 import time
 import warnings
@@ -15,6 +16,14 @@ _XLA_FLAGS = ("--xla_cpu_prefer_vector_width=512",)
 """Measured in benchmarks/README.md; a user's own XLA_FLAGS win."""
 
 _SOLVERS = ("dopri5", "tsit5", "dopri8", "bosh3")
+
+
+_FIGURES = {
+    "4": "figure_4.py",
+    "5": "figure_5.py",
+    "force-coefficients": "force_coefficients.py",
+    "atlas": "atlas.py",
+}
 
 
 class UsageError(Exception):
@@ -165,6 +174,16 @@ def _parser() -> argparse.ArgumentParser:
     _add_tolerances(sweep)
     _add_output(sweep, plot=False)
     sweep.set_defaults(run=_sweep)
+    figure = commands.add_parser(
+        "figure",
+        help="make a published figure with its table",
+        description="Run one of the scripts in experiments/.",
+    )
+    figure.add_argument("name", choices=_FIGURES, help=", ".join(_FIGURES))
+    figure.add_argument("--out", default="results", metavar="FOLDER", help="(results)")
+    figure.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
+    figure.add_argument("--size", type=_whole, metavar="N", help="glides of the atlas")
+    figure.set_defaults(run=_figure, save=None, plot=None)
     return parser
 
 
@@ -374,6 +393,18 @@ def _sweep(args) -> int:
     told = ", ".join(f"{name} {value:g}" for name, value in where.items())
     print(f"farthest forward   {point:.3f} m at {told}")
     return 0 if computed else 1
+
+
+def _figure(args) -> int:
+    folder = Path(__file__).parents[1] / "experiments"
+    script = folder / _FIGURES[args.name]
+    if not script.exists():
+        raise UsageError("the figures' scripts are in a clone of the repository, not here")
+    if args.size is not None and args.size < 32:
+        raise UsageError(f"--size {args.size} is not at least 32")
+    options = ["--out", args.out, *(["--resume"] if args.resume else [])]
+    options += [] if args.size is None else ["--size", str(args.size)]
+    return subprocess.run([sys.executable, str(script), *options]).returncode
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -174,7 +174,7 @@ class Glide(eqx.Module):
         times = jnp.asarray(times, self.time.dtype)
         inside = (times >= 0) & (times <= self.time)
         states = jax.vmap(self.interpolation.evaluate)(jnp.where(inside, times, 0.0))
-        return jnp.where(inside[:, None], states, jnp.nan)
+        return _within(times, self.time, self.take_off.state, states)
 
     def sample_times(self, count: int = 200) -> Float[Array, " T"]:
         """`count` equally spaced times [s] from launch to the end, (count,)."""
@@ -215,6 +215,12 @@ class Glide(eqx.Module):
                 f"{int(self.rejected)} rejected",
             ]
         )
+
+
+def _within(times, end, start: State, states):
+    """States (T, 13): the launch at time 0, NaN outside the glide."""
+    states = jnp.where((times == 0)[:, None], start, states)
+    return jnp.where(((times >= 0) & (times <= end))[:, None], states, jnp.nan)
 
 
 def _clearance(t, y, args=None, **_):
@@ -285,7 +291,7 @@ def _fly(glider: Glider, launch: Launch, settings: Settings, adjoint) -> _Flown:
     state = jnp.where(upright, ys["end"][0], start.state)
     states = None
     if times is not None:
-        states = jnp.where((times <= time)[:, None], ys["times"], jnp.nan)
+        states = _within(times, time, start.state, ys["times"])
     peaks = solution.controller_state[1]  # type: ignore
     return _Flown(
         take_off=start,

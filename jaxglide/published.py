@@ -16,6 +16,8 @@ NU_THETA = np.round(np.linspace(1.0, 1.5, 11), 2)
 """Wave numbers of the eleven published shapes, (11,)."""
 THETA_M = shape_line(NU_THETA)
 """Horizontal amplitudes of the eleven shapes [deg], (11,), falling with `NU_THETA`."""
+BENDS = np.array([-20.0, -10.0, 0.0, 10.0, 20.0])
+"""Dorsoventral bends of figure 5 [deg per SVL], (5,)."""
 REGIONS = ("all", "observed", "open", "closed")
 
 STABLE = {
@@ -28,6 +30,16 @@ PATH_LENGTH = {
     0.0: dict(zip(REGIONS, (3.96429, 3.97908, 4.24204, 3.66642), strict=True)),
 }
 """Published mean path length of 10 m glides [m] by frequency [Hz] and region."""
+
+
+HEIGHT_INCREASE = dict(zip(REGIONS, (10.48119, 12.46063, 13.80932, 4.45882), strict=True))
+"""Published mean increase of height lost in 75 m glides, 1.2 Hz minus 0 [m], by region."""
+PATH_INCREASE = dict(zip(REGIONS, (5.04456, 6.85885, 5.86851, 1.75118), strict=True))
+"""Published mean increase of path length in 75 m glides, 1.2 Hz minus 0 [m], by region."""
+HEIGHT_SHARE = {"all": 85.95, "observed": 100.0}
+"""Published share of shapes whose height lost in 75 m glides undulation increases [%]."""
+PATH_SHARE = {"all": 85.95, "observed": 91.84}
+"""The same for path length [%]."""
 
 
 def regions() -> np.ndarray:
@@ -84,6 +96,45 @@ def summary(data: xr.Dataset) -> list[tuple[str, float, str, float, float]]:
                 ours = _mean(values.sel(f_theta=f_theta), region)
                 rows.append((label, f_theta, region, ours, published[f_theta][region]))
     return rows
+
+
+def long_summary(data: xr.Dataset) -> list[tuple[str, str, float, float]]:
+    """Rows (quantity, region, ours, published) for 75 m glides of `shape_space`."""
+    rows = []
+    for label, name, means, shares in (
+        ("height lost", "height_lost", HEIGHT_INCREASE, HEIGHT_SHARE),
+        ("path length", "path_length", PATH_INCREASE, PATH_SHARE),
+    ):
+        increase = data[name].sel(f_theta=1.2) - data[name].sel(f_theta=0.0)
+        for region, published in means.items():
+            ours = _mean(increase, region)
+            rows.append((f"mean increase of {label} (m)", region, ours, published))
+        for region, published in shares.items():
+            ours = _mean(100.0 * (increase > 0), region)
+            rows.append((f"shapes that increase {label} (%)", region, ours, published))
+    return rows
+
+
+def bending_study(psi_m=(0.0, 10.0, 20.0), **options) -> Study:
+    """Figure 5: the eleven shapes of the line, bent and flat, from 10 m, with trajectories.
+
+    Args:
+        psi_m: vertical amplitudes [deg].
+        **options: other arguments of `Study`.
+
+    Returns:
+        Cases ordered by psi_m, then d_psi (-20 to 20 deg), then nu_theta: reshape them to
+        (psi_m, 5, 11).
+    """
+    columns = np.meshgrid(psi_m, BENDS, np.arange(11), indexing="ij")
+    vertical, bend, shape = (column.ravel() for column in columns)
+    cases = {
+        "psi_m": vertical,
+        "d_psi": bend,
+        "nu_theta": NU_THETA[shape],
+        "theta_m": THETA_M[shape],
+    }
+    return Study(cases=cases, **{"times": np.arange(0, 4, 0.02), **options})
 
 
 def borderline(data: xr.Dataset, finer: xr.Dataset) -> list[tuple[float, float, float]]:

@@ -6,15 +6,19 @@ object-oriented interface: no window opens and no global state changes; save one
 """
 
 from ._style import style
+from .atlas import stable_atlas
+from .bending import bending_grid
 from .glide import angles, glide_overview, side_view, top_view
 from .shapes import region_outlines, shape_heatmaps
 
 __all__ = [
     "angles",
+    "bending_grid",
     "glide_overview",
     "region_outlines",
     "shape_heatmaps",
     "side_view",
+    "stable_atlas",
     "style",
     "top_view",
 ]

@@ -1,0 +1,72 @@
+"""What the experiments share: command line, tables, figures."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from jaxglide.cli import configure
+
+
+@dataclass
+class Options:
+    """Where results go, and how large the experiment is.
+
+    Attributes:
+        out: folder of tables and figures, made if need be.
+        resume: whether stores are kept in it, so that a killed run goes on.
+        size: number asked for with --size, or None.
+    """
+
+    out: Path
+    resume: bool
+    size: int | None
+
+    def store(self, name: str) -> Path | None:
+        """Folder of a sweep's store, or None."""
+        return self.out / f"{name}.zarr" if self.resume else None
+
+
+def arguments(description: str | None) -> Options:
+    """Read the command line and set up JAX."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--out", type=Path, default=Path("results"), help="folder (results)")
+    parser.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
+    parser.add_argument("--size", type=int, help="number of glides, where it can be chosen")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    configure()
+    return Options(given.out, given.resume, given.size)
+
+
+def _text(value) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence]) -> None:
+    """Print a table and write it as Markdown and JSON (`path` without ending).
+
+    Where the last two columns are ours and the published value, their difference is added.
+    """
+    if header[-2:] == ("jaxglide", "published"):
+        header = (*header, "difference")
+        rows = [(*row, row[-2] - row[-1]) for row in rows]
+    lines = [list(header), ["---"] * len(header)]
+    lines += [[_text(value) for value in row] for row in rows]
+    text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    print(text)
+    path.with_suffix(".md").write_text(text + "\n")
+    records = [dict(zip(header, map(_plain, row), strict=True)) for row in rows]
+    path.with_suffix(".json").write_text(json.dumps(records, indent=1) + "\n")
+
+
+def _plain(value):
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and value != value else value
+
+
+def save_figure(figure, path: Path) -> None:
+    """Write a figure and say so."""
+    figure.savefig(path)
+    print(f"wrote {path}")

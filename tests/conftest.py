@@ -1,0 +1,112 @@
+"""What the tests share: float64, the golden figures, and the gliders they belong to."""
+
+import importlib.util
+import json
+import pathlib
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+
+import jaxglide as jg  # noqa: E402
+
+TESTS = pathlib.Path(__file__).resolve().parent
+
+
+def load_golden(name):
+    """Entries of `tests/golden/<name>.json`."""
+    return json.loads((TESTS / "golden" / f"{name}.json").read_text())
+
+
+def published_glider(entry):
+    """The glider of a golden entry: 70 midpoint nodes and the published polar."""
+    gait = jg.Gait.from_degrees(
+        theta_m=entry["theta_m_deg"],
+        psi_m=entry["psi_m_deg"],
+        d_psi=entry["d_psi_deg"],
+        nu_theta=entry["nu_theta"],
+        f_theta=entry["f_theta"],
+    )
+    snake = jg.Snake.from_svl(
+        entry["svl"], mass=entry.get("mass"), neck_fraction=entry["neck_fraction"]
+    )
+    scales = entry.get("lift_scale", 1.0), entry.get("drag_scale", 1.0)
+    return jg.Glider(snake, gait, jg.Polar.published(*scales))
+
+
+def norm_error(value, expected):
+    """Error of a vector relative to its norm."""
+    expected = np.asarray(expected)
+    return np.linalg.norm(np.asarray(value) - expected) / np.linalg.norm(expected)
+
+
+@pytest.fixture(scope="session")
+def golden():
+    return load_golden
+
+
+@pytest.fixture(scope="session")
+def glider_of():
+    return published_glider
+
+
+@pytest.fixture(scope="session")
+def relative_error():
+    return norm_error
+
+
+@pytest.fixture(scope="session")
+def peer():
+    """The same model in plain NumPy, written independently: `benchmarks/numpy_peer.py`."""
+    path = TESTS.parent / "benchmarks" / "numpy_peer.py"
+    spec = importlib.util.spec_from_file_location("numpy_peer", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def flight():
+    """The published gait on 70 nodes, at its launch phase, as the vector field takes it."""
+    glider = jg.Glider(jg.Snake.from_svl(), jg.Gait.from_degrees())
+    return jg.dynamics.Flight(
+        glider, jax.jit(jg.discretise)(glider.snake), jnp.asarray(-0.02781640625)
+    )
+
+
+@pytest.fixture(scope="session")
+def fixed_launch():
+    """The published launch with nothing left to compute: the same for every node set."""
+    angles = np.deg2rad([-0.22388, -4.55923, -4.52628])
+    return jg.Launch(height=10.0, speed=1.7534, phi_theta=-0.027816, angles=angles)
+
+
+@pytest.fixture(scope="session")
+def smooth_glider():
+    """The published gait on 60 Gauss nodes with the smooth polar."""
+    snake = jg.Snake.from_svl(nodes=60, node_set="gauss")
+    return jg.Glider(snake, jg.Gait.from_degrees(), jg.Polar.smooth())
+
+
+@pytest.fixture(scope="session")
+def random_states():
+    """Function of (count, seed): times (count,) and states (count, 13) of lively flight."""
+
+    def draw(count, seed=0):
+        rng = np.random.default_rng(seed)
+        states = np.concatenate(
+            [
+                np.array([0, 0, 10]) + rng.normal(size=(count, 3)),
+                np.array([0, 3, -4]) + 3 * rng.normal(size=(count, 3)),
+                4 * rng.normal(size=(count, 3)),
+                rng.uniform(-1.2, 1.2, size=(count, 3)),
+                rng.uniform(0, 5, size=(count, 1)),
+            ],
+            axis=1,
+        )
+        return rng.uniform(0, 3, count), states
+
+    return draw

@@ -5,15 +5,36 @@ known yet and every check passes, so the same constructors serve the front door 
 traced code.
 """
 
+from collections.abc import Callable
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+
+from ._types import Array
 
 
 def is_traced(value: Any) -> bool:
     """Whether `value` is not known yet, inside `jit`, `grad` or `vmap`."""
     return isinstance(value, Tracer)
+
+
+def number(name: str) -> Callable[[Any], Array]:
+    """Converter of a field to a float array; `TypeError` names what is no number."""
+
+    def convert(value: Any) -> Array:
+        try:
+            return jnp.asarray(value, float)
+        except (TypeError, ValueError):
+            raise TypeError(f"{name} = {value!r} is not a number") from None
+
+    return convert
+
+
+def optional_number(name: str) -> Callable[[Any], Array | None]:
+    """The same for a field that may be None."""
+    return lambda value: None if value is None else number(name)(value)
 
 
 def check_range(
@@ -38,9 +59,12 @@ def check_range(
     if is_traced(value):
         return
     try:
-        array = np.asarray(value, dtype=float)
+        array = np.asarray(value)
+        array = array if array.dtype.kind == "f" else array.astype(float)
     except (TypeError, ValueError):
         raise TypeError(f"{name} = {value!r} is not a number") from None
+    # In the value's own precision: 180 degrees in float32 are a little more than pi.
+    low, high = array.dtype.type(low), array.dtype.type(high)
     good = np.isfinite(array)
     good &= (array > low) if low_open else (array >= low)
     good &= (array < high) if high_open else (array <= high)

@@ -35,7 +35,7 @@ _COS = (
     2.08757232129817482790e-09,
     -1.13596475577881948265e-11,
 )
-_TAN_PI_8 = np.tan(np.pi / 8)
+_TAN_PI_8 = float(np.tan(np.pi / 8))
 
 
 def _fit_arctan(terms: int = 13) -> tuple[float, ...]:
@@ -45,7 +45,7 @@ def _fit_arctan(terms: int = 13) -> tuple[float, ...]:
     series = np.polynomial.Chebyshev.fit(
         z, np.arctan(np.sqrt(z)) / np.sqrt(z), terms - 1, domain=[0, width]
     )
-    return tuple(series.convert(kind=np.polynomial.Polynomial).coef)
+    return tuple(map(float, series.convert(kind=np.polynomial.Polynomial).coef))
 
 
 _ARCTAN = _fit_arctan()

@@ -20,8 +20,8 @@ def _task(study: str, store: str, width: int, chunk: int, x64: bool) -> int:
     import jax
 
     jax.config.update("jax_enable_x64", x64)
+    from .batch import solve, template
     from .store import Store
-    from .sweep import solve, template
 
     described = Study.from_json(study)
     index = described.order()[chunk * width : (chunk + 1) * width]

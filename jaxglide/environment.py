@@ -1,9 +1,8 @@
 """The air and gravity (floor 1)."""
 
 import equinox as eqx
-import jax.numpy as jnp
 
-from ._checks import check_range
+from ._checks import check_range, number
 from ._types import Scalar
 
 
@@ -19,10 +18,10 @@ class Environment(eqx.Module):
         ValueError: a value is not finite or out of range.
     """
 
-    gravity: Scalar = eqx.field(converter=lambda x: jnp.asarray(x, float), default=9.81)
-    air_density: Scalar = eqx.field(converter=lambda x: jnp.asarray(x, float), default=1.165)
+    gravity: Scalar = eqx.field(converter=number("gravity"), default=9.81)
+    air_density: Scalar = eqx.field(converter=number("air_density"), default=1.165)
     kinematic_viscosity: Scalar = eqx.field(
-        converter=lambda x: jnp.asarray(x, float), default=1.568e-5
+        converter=number("kinematic_viscosity"), default=1.568e-5
     )
 
     def __check_init__(self):

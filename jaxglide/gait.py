@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ._checks import check_range
+from ._checks import check_range, number
 from ._numerics import sincos
 from ._types import ArrayLike, Nodes, Scalar
 
@@ -21,10 +21,6 @@ _RANGES = {
     "d_psi": (-np.pi, np.pi),
     "d_theta": (-np.pi, np.pi),
 }
-
-
-def _float(x):
-    return jnp.asarray(x, float)
 
 
 class Gait(eqx.Module):
@@ -45,12 +41,12 @@ class Gait(eqx.Module):
         ValueError: a value is not finite or out of range.
     """
 
-    theta_m: Scalar = eqx.field(converter=_float)
-    psi_m: Scalar = eqx.field(converter=_float)
-    nu_theta: Scalar = eqx.field(converter=_float)
-    f_theta: Scalar = eqx.field(converter=_float)
-    d_psi: Scalar = eqx.field(converter=_float, default=0.0)
-    d_theta: Scalar = eqx.field(converter=_float, default=0.0)
+    theta_m: Scalar = eqx.field(converter=number("theta_m"))
+    psi_m: Scalar = eqx.field(converter=number("psi_m"))
+    nu_theta: Scalar = eqx.field(converter=number("nu_theta"))
+    f_theta: Scalar = eqx.field(converter=number("f_theta"))
+    d_psi: Scalar = eqx.field(converter=number("d_psi"), default=0.0)
+    d_theta: Scalar = eqx.field(converter=number("d_theta"), default=0.0)
 
     def __check_init__(self):
         for name, (low, high) in _RANGES.items():
@@ -76,7 +72,7 @@ class Gait(eqx.Module):
         for name, value in degrees.items():
             low, high = np.rad2deg(_RANGES[name])
             check_range(name, value, "deg", low, high)
-        radians = {name: jnp.deg2rad(_float(value)) for name, value in degrees.items()}
+        radians = {name: jnp.deg2rad(number(name)(value)) for name, value in degrees.items()}
         return cls(nu_theta=nu_theta, f_theta=f_theta, **radians)
 
 

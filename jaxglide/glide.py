@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
 
-from ._checks import check_integer, check_range, is_traced
+from ._checks import check_integer, check_range, is_traced, number
 from ._peaks import PeakController
 from ._types import Array, Flag, Float, Integer, Scalar, State, Vec3
 from .dynamics import (
@@ -90,6 +90,7 @@ class Settings(eqx.Module):
     dense: bool = eqx.field(static=True)
 
     def controller(self) -> diffrax.AbstractStepSizeController:
+        """The step size controller: PID on the tolerances, or the fixed step."""
         if self.step is not None:
             return diffrax.ConstantStepSize()
         return diffrax.PIDController(
@@ -404,7 +405,7 @@ def simulate(
     if step is not None:
         check_range("step", step, "s", 1e-7, 1, low_open=True)
     if times is not None:
-        times = jnp.asarray(times, float)
+        times = number("times")(times)
         check_range("times", times, "s", 0)
         if times.ndim != 1 or times.size == 0:
             raise ValueError(f"times has shape {times.shape}: it must be (T,), not empty")

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ._checks import check_range
+from ._checks import check_range, number, optional_number
 from ._numerics import sincos, solve3
 from ._types import Array, Float, Mat3, Scalar, State, Vec3
 from .attitude import angle_rates, rotation_matrix
@@ -24,10 +24,6 @@ _MEAN = 200  # times of the cycle over which the attitude is averaged
 
 _PUBLISHED_SPEED = 0.2409
 """Launch speed over sqrt(2 wing loading/air density): 1.7 m/s at 29 N/m^2."""
-
-
-def _optional(x):
-    return None if x is None else jnp.asarray(x, float)
 
 
 class Launch(eqx.Module):
@@ -46,10 +42,10 @@ class Launch(eqx.Module):
         ValueError: a value is not finite or out of range.
     """
 
-    height: Scalar = eqx.field(converter=lambda x: jnp.asarray(x, float), default=10.0)
-    speed: Scalar | None = eqx.field(converter=_optional, default=None)
-    phi_theta: Scalar | None = eqx.field(converter=_optional, default=None)
-    angles: Vec3 | None = eqx.field(converter=_optional, default=None)
+    height: Scalar = eqx.field(converter=number("height"), default=10.0)
+    speed: Scalar | None = eqx.field(converter=optional_number("speed"), default=None)
+    phi_theta: Scalar | None = eqx.field(converter=optional_number("phi_theta"), default=None)
+    angles: Vec3 | None = eqx.field(converter=optional_number("angles"), default=None)
 
     def __check_init__(self):
         check_range("height", self.height, "m", 0, 1e5, low_open=True)

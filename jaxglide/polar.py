@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ._checks import check_choice, check_range
+from ._checks import check_choice, check_range, number
 from ._types import Array, Float, Scalar
 
 REYNOLDS = np.arange(3000.0, 15001.0, 2000.0)
@@ -148,9 +148,9 @@ class Polar(eqx.Module):
         ValueError: a value is not finite or out of range.
     """
 
-    cells: Float[Array, "72 6 2 k k"]
-    lift_scale: Scalar = eqx.field(converter=lambda x: jnp.asarray(x, float), default=1.0)
-    drag_scale: Scalar = eqx.field(converter=lambda x: jnp.asarray(x, float), default=1.0)
+    cells: Float[Array, "72 6 2 k k"] = eqx.field(converter=number("cells"))
+    lift_scale: Scalar = eqx.field(converter=number("lift_scale"), default=1.0)
+    drag_scale: Scalar = eqx.field(converter=number("drag_scale"), default=1.0)
 
     def __check_init__(self):
         check_range("lift_scale", self.lift_scale, "", 0, 100)
@@ -161,7 +161,7 @@ class Polar(eqx.Module):
     def from_name(cls, name: str, lift_scale=1.0, drag_scale=1.0) -> "Polar":
         """`Polar.published` or `Polar.smooth` by name."""
         check_choice("polar", name, ("published", "smooth"))
-        return cls(jnp.asarray(_cells(name), float), lift_scale, drag_scale)
+        return cls(_cells(name), lift_scale, drag_scale)
 
     @classmethod
     def published(cls, lift_scale=1.0, drag_scale=1.0) -> "Polar":

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ._checks import check_choice, check_integer, check_range
+from ._checks import check_choice, check_integer, check_range, number
 from ._types import Array, Float, Nodes, NodesNodes, Scalar
 from .parameters import PUBLISHED_NECK
 
@@ -23,10 +23,6 @@ _CHORD = (0.51220022, 0.02895101, -4.88957129)
 _HEAD_DENSITY = (0.01661771, 1.36099325, -0.00012991)
 _BODY_DENSITY = (0.52583598, 1.11461374, -0.10778636)
 _HEAD_END = 0.037
-
-
-def _float(x):
-    return jnp.asarray(x, float)
 
 
 class Snake(eqx.Module):
@@ -51,13 +47,17 @@ class Snake(eqx.Module):
         ValueError: a value is not finite or out of range.
     """
 
-    length: Scalar = eqx.field(converter=_float)
-    mass: Scalar = eqx.field(converter=_float)
-    neck_fraction: Scalar = eqx.field(converter=_float, default=PUBLISHED_NECK)
-    chord: Float[Array, "3"] = eqx.field(converter=_float, default=_CHORD)
-    head_density: Float[Array, "3"] = eqx.field(converter=_float, default=_HEAD_DENSITY)
-    body_density: Float[Array, "3"] = eqx.field(converter=_float, default=_BODY_DENSITY)
-    head_fraction: Scalar = eqx.field(converter=_float, default=_HEAD_END)
+    length: Scalar = eqx.field(converter=number("length"))
+    mass: Scalar = eqx.field(converter=number("mass"))
+    neck_fraction: Scalar = eqx.field(converter=number("neck_fraction"), default=PUBLISHED_NECK)
+    chord: Float[Array, "3"] = eqx.field(converter=number("chord"), default=_CHORD)
+    head_density: Float[Array, "3"] = eqx.field(
+        converter=number("head_density"), default=_HEAD_DENSITY
+    )
+    body_density: Float[Array, "3"] = eqx.field(
+        converter=number("body_density"), default=_BODY_DENSITY
+    )
+    head_fraction: Scalar = eqx.field(converter=number("head_fraction"), default=_HEAD_END)
     nodes: int = eqx.field(static=True, default=70)
     node_set: NodeSet = eqx.field(static=True, default="published")
     spacing: float | None = eqx.field(static=True, default=None)

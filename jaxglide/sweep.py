@@ -1,125 +1,16 @@
-"""Sweeps: many glides as vmapped batches, on all devices, resumable (floor 5)."""
+"""Sweeps: many glides in batches, with progress, kept and resumed (floor 5)."""
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from ._types import Array
-from .cases import build
-from .glide import Glide, simulate
+from .batch import default_width, solve, template
 from .records import study_dataset
 from .store import Store
 from .study import Study
-
-_CPU_LANES = 32  # per core: more gain nothing, and a batch waits for its slowest flight
-_MAX_LANES = 65_536  # per GPU
-_LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
-
-
-def results(glide: Glide) -> dict[str, Array]:
-    """What a sweep keeps of every glide, in SI units and radians, by name."""
-    kept = {
-        "outcome": glide.outcome,
-        "time": glide.time,
-        "landing_point": glide.landing_point,
-        "path_length": glide.path_length,
-        "height_lost": glide.height_lost,
-        "glide_angle": glide.glide_angle,
-        "velocity": glide.velocity,
-        "end_angles": glide.end_angles,
-        "max_angles": glide.max_angles,
-        "launch_phase": glide.take_off.phi_theta,
-        "launch_angles": glide.take_off.angles,
-        "launch_speed": glide.take_off.speed,
-        "accepted": glide.accepted.astype(jnp.int32),
-        "rejected": glide.rejected.astype(jnp.int32),
-    }
-    if glide.states is not None:
-        kept["states"] = glide.states
-    return kept
-
-
-def _one(study_setup, options, times):
-    """Function of one case that flies it."""
-    setup, options = dict(study_setup), dict(options)
-
-    def fly(case, rtol, atol):
-        glider, launch = build(case, setup)
-        glide = simulate(glider, launch, rtol=rtol, atol=atol, times=times, **options)
-        return results(glide)
-
-    return fly
-
-
-@lru_cache(maxsize=16)
-def _flier(setup: tuple, options: tuple, times: tuple | None, devices: tuple):
-    """Compiled function of a batch of cases whose lanes are shared out over the devices."""
-    fly = jax.vmap(_one(setup, options, times), in_axes=(0, None, None))
-    split, whole = PartitionSpec("lanes"), PartitionSpec()
-    mesh = Mesh(np.array(devices), ("lanes",))
-    mapped = jax.shard_map(
-        fly, mesh=mesh, in_specs=(split, whole, whole), out_specs=split, check_vma=False
-    )
-    return jax.jit(mapped), NamedSharding(mesh, split)
-
-
-def _key(study: Study) -> tuple:
-    options = (("max_steps", study.max_steps), ("max_time", study.max_time))
-    return tuple(sorted(study.setup.items())), options, study.times
-
-
-def template(study: Study) -> dict[str, np.ndarray]:
-    """One result of every name with its shape and type, nothing computed."""
-    case = {name: jnp.zeros(()) for name in study.columns(np.zeros(1, int))}
-    shapes = jax.eval_shape(_one(*_key(study)), case, jnp.zeros(()), jnp.zeros(()))
-    return {name: np.zeros(s.shape, s.dtype) for name, s in shapes.items()}
-
-
-def default_width(study: Study) -> int:
-    """Glides per batch: by cache on CPU cores, by memory on GPUs."""
-    devices = jax.local_devices()
-    if devices[0].platform == "cpu":
-        lanes = _CPU_LANES
-    else:
-        memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
-        states = 13 * len(study.times or ())
-        per_lane = 8 * (_LIVE * study.setup["nodes"] + 20 * 13 + states)
-        lanes = int(min(_MAX_LANES, 0.5 * memory / per_lane))
-    return len(devices) * max(1, min(lanes, -(-len(study) // len(devices))))
-
-
-def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
-    """Fly some cases of a study as one batch.
-
-    Args:
-        study: the study.
-        index: case numbers, (n,), n at most `width`.
-        width: size of the batch; it is filled up with repeats, so that one compiled
-            function serves every batch of a study.
-
-    Returns:
-        What `results` keeps, by name, each (n, ...).
-    """
-    devices = tuple(jax.local_devices())
-    flier, sharding = _flier(*_key(study), devices)
-    lanes = -(-width // len(devices)) * len(devices)
-    filled = index[np.minimum(np.arange(lanes), len(index) - 1)]
-    # Neighbours go to different devices: each gets as many long flights as the others.
-    place = np.argsort(np.arange(lanes) % len(devices), kind="stable")
-    batch = {
-        name: jax.device_put(values[place], sharding)
-        for name, values in study.columns(filled).items()
-    }
-    flown = flier(batch, jnp.asarray(study.rtol), jnp.asarray(study.atol))
-    back = np.argsort(place)[: len(index)]
-    return {name: np.asarray(values)[back] for name, values in flown.items()}
 
 
 def _progress(total: int, done: int, show: bool | None):

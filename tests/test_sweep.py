@@ -17,9 +17,10 @@ import zarr
 
 from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
 from jaxglide import sweep as module
+from jaxglide.batch import solve, template
 from jaxglide.store import Store, StoreError
 from jaxglide.study import Study
-from jaxglide.sweep import solve, sweep, template
+from jaxglide.sweep import sweep
 
 GRID = {"nu_theta": [1.2, 1.3, 1.4], "d_psi": [0.0, 10.0]}
 SHORT = {"fixed": {"height": 0.3}, "rtol": 1e-5, "atol": 1e-5}

@@ -1,0 +1,244 @@
+"""What is wrong is refused in words a user can act on; what is right gives finite results."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jaxglide import (
+    Environment,
+    Gait,
+    Glider,
+    Launch,
+    Polar,
+    Snake,
+    discretise,
+    simulate,
+    six_degrees_of_freedom,
+    take_off,
+)
+from jaxglide.dynamics import Flight
+
+GLIDER = Glider(Snake.from_svl(), Gait.from_degrees())
+CASES = settings(max_examples=15, deadline=None, derandomize=True, database=None)
+
+
+class Argument(NamedTuple):
+    """A number that may be refused: how to pass it, and what the message must say."""
+
+    build: object
+    name: str
+    unit: str
+    low: float
+    high: float
+    low_open: bool = False
+    high_open: bool = False
+
+
+def radians(**value):
+    fields = {"theta_m": 1.7, "psi_m": 0.3, "nu_theta": 1.4, "f_theta": 1.2}
+    return Gait(**(fields | value))
+
+
+def glide_with(name):
+    return lambda x: simulate(GLIDER, **{name: x})
+
+
+def argument(build, name, *rest, **options):
+    return Argument(lambda x: build(**{name: x}), name, *rest, **options)
+
+
+NEXT_TO_85 = np.deg2rad(85.0)
+ARGUMENTS = [
+    argument(lambda length: Snake(length, 0.04), "length", "m", 0, 100, low_open=True),
+    argument(lambda mass: Snake(0.7, mass), "mass", "kg", 0, 1e5, low_open=True),
+    argument(lambda svl: Snake.from_svl(svl, mass=1.0), "svl", "m", 0, 100, low_open=True),
+    argument(Snake.from_svl, "mass", "kg", 0, 1e5, low_open=True),
+    argument(Snake.from_svl, "neck_fraction", "of SVL", 0, 0.5, low_open=True, high_open=True),
+    argument(Snake.from_svl, "head_fraction", "of SVL", 0, 0.5, low_open=True, high_open=True),
+    argument(Snake.from_svl, "spacing", "m", 0, 100, low_open=True),
+    argument(Gait.from_degrees, "theta_m", "deg", 0, 180),
+    argument(Gait.from_degrees, "psi_m", "deg", 0, 180),
+    argument(Gait.from_degrees, "d_psi", "deg", -180, 180),
+    argument(Gait.from_degrees, "d_theta", "deg", -180, 180),
+    argument(lambda nu_theta: Gait.from_degrees(90, nu_theta=nu_theta), "nu_theta", "", 0, 10),
+    argument(Gait.from_degrees, "f_theta", "Hz", 0, 50),
+    argument(radians, "theta_m", "rad", 0, np.pi),
+    argument(radians, "d_psi", "rad", -np.pi, np.pi),
+    argument(Environment, "gravity", "m/s^2", 0, 100),
+    argument(Environment, "air_density", "kg/m^3", 0, 2000, low_open=True),
+    argument(Environment, "kinematic_viscosity", "m^2/s", 0, 1, low_open=True),
+    argument(Polar.published, "lift_scale", "", 0, 100),
+    argument(Polar.smooth, "drag_scale", "", 0, 100),
+    argument(Launch, "height", "m", 0, 1e5, low_open=True),
+    argument(Launch, "speed", "m/s", 0, 200),
+    argument(Launch, "phi_theta", "rad", -1e3, 1e3),
+    Argument(
+        lambda x: Launch(angles=[0.0, x, 0.0]),
+        "angles",
+        "rad",
+        -NEXT_TO_85,
+        NEXT_TO_85,
+        low_open=True,
+        high_open=True,
+    ),
+    # these five fly where they are allowed
+    Argument(glide_with("rtol"), "rtol", "", 0, 0.1, low_open=True),
+    Argument(glide_with("atol"), "atol", "", 0, 0.1, low_open=True),
+    Argument(glide_with("max_time"), "max_time", "s", 0, 1e4, low_open=True),
+    Argument(glide_with("step"), "step", "s", 1e-7, 1, low_open=True),
+    Argument(lambda x: simulate(GLIDER, times=[0.0, x]), "times", "s", 0, np.inf),
+]
+each = pytest.mark.parametrize("entry", ARGUMENTS, ids=lambda entry: entry.name)
+
+
+def bad_values(entry):
+    """Values outside the range, its open bounds, and what is not finite."""
+    low, high = entry.low, entry.high
+    values = st.sampled_from([np.nan, np.inf, -np.inf])
+    values |= st.floats(low - 1e6, low, exclude_max=not entry.low_open)
+    if np.isfinite(high):
+        values |= st.floats(high, 2 * abs(high) + 1e6, exclude_min=not entry.high_open)
+    return values
+
+
+@each
+@CASES
+@given(data=st.data())
+def test_a_bad_number_is_refused_with_its_name_value_unit_and_range(entry, data):
+    x = data.draw(bad_values(entry))
+    with pytest.raises(ValueError, match=f"^{entry.name} = ") as caught:
+        entry.build(x)
+    message = str(caught.value)
+    value, unit = f"{x:g}", f" {entry.unit}" if entry.unit else ""
+    assert f"{entry.name} = {value}{unit} is not allowed" in message
+    assert f"{entry.low:g}, {entry.high:g}" in message
+    assert message.endswith(unit)
+    assert message[-1 - len(unit)] in ")]"
+
+
+@pytest.mark.parametrize("entry", ARGUMENTS[:-5], ids=lambda entry: entry.name)
+def test_the_closed_bounds_themselves_are_allowed(entry):
+    for bound, is_open in ((entry.low, entry.low_open), (entry.high, entry.high_open)):
+        if not is_open:
+            entry.build(bound)
+
+
+@pytest.mark.parametrize("x", ["fast", {}], ids=["text", "dict"])
+def test_what_is_no_number_is_refused_by_name(x):
+    nameless = []
+    for entry in ARGUMENTS:
+        with pytest.raises((TypeError, ValueError)) as caught:
+            entry.build(x)
+        if entry.name not in str(caught.value):
+            nameless.append((entry.name, str(caught.value)))
+    assert not nameless
+
+
+def test_180_degrees_is_allowed_in_float32_too():
+    """The nearest float32 to pi is above it."""
+    with jax.enable_x64(False):
+        for name in ("theta_m", "psi_m", "d_psi", "d_theta"):
+            gait = Gait.from_degrees(**{name: 180})
+            assert float(getattr(gait, name)) == pytest.approx(np.pi, rel=1e-6)
+
+
+@CASES
+@given(nodes=st.integers(-1000, 7) | st.integers(2001, 10**6))
+def test_too_few_or_too_many_nodes(nodes):
+    with pytest.raises(ValueError, match=rf"^nodes = {nodes} is not allowed.*\[8, 2000\]"):
+        Snake.from_svl(nodes=nodes)
+
+
+@pytest.mark.parametrize("nodes", [8.5, 70.0, "70", None, True])
+def test_nodes_are_whole_numbers(nodes):
+    with pytest.raises(TypeError, match=f"nodes = {nodes!r} is not a whole number"):
+        Snake.from_svl(nodes=nodes)
+
+
+@pytest.mark.parametrize("steps", [0, -3, 10**10])
+def test_number_of_steps(steps):
+    with pytest.raises(ValueError, match=rf"^max_steps = {steps} is not allowed"):
+        simulate(GLIDER, max_steps=steps)
+
+
+def test_choices_name_what_there_is():
+    with pytest.raises(
+        ValueError, match="node_set = 'midpoint' is not one of published, gauss"
+    ):
+        Snake.from_svl(node_set="midpoint")
+    with pytest.raises(ValueError, match="polar = 'measured' is not one of published, smooth"):
+        Polar.from_name("measured")
+
+
+def test_shapes_are_named():
+    with pytest.raises(ValueError, match=r"angles has shape \(2,\).*yaw, pitch, roll"):
+        Launch(angles=[0.1, 0.2])
+    with pytest.raises(ValueError, match=r"times has shape \(0,\)"):
+        simulate(GLIDER, times=[])
+    with pytest.raises(ValueError, match=r"times has shape \(2, 1\)"):
+        simulate(GLIDER, times=[[0.1], [0.2]])
+    with pytest.raises(ValueError, match="times must increase"):
+        simulate(GLIDER, times=[0.2, 0.1])
+
+
+def test_a_module_changed_behind_the_constructors_back_is_checked_again():
+    broken = eqx.tree_at(lambda g: g.snake.mass, GLIDER, jnp.asarray(-1.0))
+    with pytest.raises(ValueError, match="mass = -1 kg"):
+        simulate(broken)
+    with pytest.raises(ValueError, match="height = nan m"):
+        simulate(GLIDER, eqx.tree_at(lambda x: x.height, Launch(), jnp.asarray(np.nan)))
+
+
+@jax.jit
+def start_and_rates(values, body, air, state):
+    theta_m, psi_m, nu_theta, f_theta, d_psi, d_theta = values
+    gait = Gait(theta_m, psi_m, nu_theta, f_theta, d_psi, d_theta)
+    snake = Snake(body[0], body[1], body[2])
+    glider = Glider(snake, gait, Polar.published(body[3], body[4]), Environment(*air))
+    sections = discretise(snake)
+    start = take_off(glider, Launch(), sections)
+    flight = Flight(glider, sections, start.phi_theta)
+    return start, six_degrees_of_freedom(0.1, state, flight), sections
+
+
+def within(*bounds):
+    return st.tuples(*(st.floats(low, high) for low, high in bounds))
+
+
+@settings(max_examples=200, deadline=None, derandomize=True, database=None)
+@given(
+    degrees=within((1, 180), (0, 180), (0, 10), (0, 50), (-180, 180), (-180, 180)),
+    body=within((0.01, 100), (1e-5, 1e5), (1e-3, 0.499), (0, 100), (0, 100)),
+    air=within((0, 100), (1e-6, 2000), (1e-9, 1)),
+    motion=within(*[(-200, 200)] * 3, *[(-100, 100)] * 3, *[(-1.48, 1.48)] * 3),
+)
+def test_valid_input_gives_finite_results(degrees, body, air, motion):
+    values = [*np.deg2rad(degrees[:2]), *degrees[2:4], *np.deg2rad(degrees[4:])]
+    state = np.array([0, 0, 10, *motion, 0])
+    start, rates, sections = start_and_rates(
+        np.array(values), np.array(body), np.array(air), state
+    )
+    for leaf in jax.tree.leaves((start, rates, sections)):
+        assert np.isfinite(leaf).all()
+    assert float(jnp.sum(sections.mass)) == pytest.approx(body[1], rel=1e-12)
+
+
+@settings(max_examples=200, deadline=None, derandomize=True, database=None)
+@given(
+    point=within((-np.pi, np.pi), (0, 1e12)) | st.tuples(st.just(np.pi), st.just(np.inf)),
+)
+def test_polars_are_finite_and_bounded_everywhere(point):
+    for polar in POLARS:
+        lift, drag = (float(c) for c in _coefficients(polar, *point))
+        assert abs(lift) < 2.1
+        assert 0.2 < drag < 2.2
+
+
+POLARS = [Polar.published(), Polar.smooth()]
+_coefficients = jax.jit(lambda polar, beta, reynolds: polar(beta, reynolds))

@@ -1,0 +1,139 @@
+"""The backbone's motion and the aerofoil frame."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxglide import Gait, Snake, discretise
+from jaxglide.inertia import angular_momentum, inertia, inertia_tensor
+from jaxglide.kinematics import backbone, wave_phase
+
+GAITS = {
+    "published": Gait.from_degrees(),
+    "lively": Gait.from_degrees(
+        theta_m=118, psi_m=45, nu_theta=1.1, f_theta=1.7, d_psi=-20, d_theta=30
+    ),
+}
+SNAKES = {
+    "published": Snake.from_svl(),
+    "gauss": Snake.from_svl(neck_fraction=0.075, nodes=60, node_set="gauss"),
+}
+
+
+@jax.jit
+def body_at(snake, gait, phi_theta, time):
+    sections = discretise(snake)
+    body = backbone(sections, gait, snake.neck_fraction, *wave_phase(gait, phi_theta, time))
+    return sections, body
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_against_the_published_code(index, golden, glider_of, relative_error):
+    entry = golden("kinematics")[index]
+    glider = glider_of(entry)
+    sections, body = body_at(glider.snake, glider.gait, entry["phi_theta"], entry["t"])
+    nodes = entry["nodes"]
+    for name in ("position", "velocity", "tangent", "chord"):
+        value = np.asarray(getattr(body, name))[:, nodes].T
+        np.testing.assert_allclose(value, entry[name], rtol=0, atol=1e-8)
+    # The published accelerations are differenced and rounded to 1e-4.
+    acceleration = np.asarray(body.acceleration)[:, nodes].T
+    assert np.abs(acceleration - entry["acceleration"]).max() < 1e-4
+    tensor = inertia_tensor(sections.mass, body.position)
+    assert relative_error(tensor, entry["inertia"]) < 1e-7
+    momentum = angular_momentum(sections.mass, body)
+    assert relative_error(momentum, entry["angular_momentum"]) < 1e-7
+
+
+@jax.jit
+def by_differentiation(snake, gait, time):
+    """The body, and first and second time derivatives of it by forward mode."""
+
+    def body(t):
+        return body_at(snake, gait, 0.2, t)[1]
+
+    def rate(t):
+        return jax.jvp(body, (t,), (1.0,))[1]
+
+    first, second = jax.jvp(rate, (time,), (1.0,))
+    sections, now = body_at(snake, gait, 0.2, time)
+    tensor, tensor_rate = jax.jvp(
+        lambda t: inertia_tensor(sections.mass, body(t).position), (time,), (1.0,)
+    )
+    momentum, momentum_rate = jax.jvp(
+        lambda t: angular_momentum(sections.mass, body(t)), (time,), (1.0,)
+    )
+    expected = tensor, tensor_rate, momentum, momentum_rate
+    return now, first, second, inertia(sections.mass, now), expected
+
+
+@pytest.mark.parametrize("snake", SNAKES)
+@pytest.mark.parametrize("gait", GAITS)
+def test_velocity_acceleration_and_inertia_rates_are_derivatives(snake, gait):
+    for time in (0.0, 0.37):
+        now, first, second, rates, expected = by_differentiation(
+            SNAKES[snake], GAITS[gait], time
+        )
+        np.testing.assert_allclose(now.velocity, first.position, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(now.acceleration, second.position, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(now.acceleration, first.velocity, rtol=0, atol=1e-10)
+        assert np.abs(now.acceleration).max() > 1
+        for value, derivative in zip(rates, expected, strict=True):
+            scale = np.abs(derivative).max()
+            assert scale > 0
+            np.testing.assert_allclose(value, derivative, rtol=0, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("snake", SNAKES)
+@pytest.mark.parametrize("gait", GAITS)
+def test_frames_are_orthonormal_and_the_chord_is_level(snake, gait):
+    for time in (0.0, 0.23, 0.61):
+        _, body = body_at(SNAKES[snake], GAITS[gait], 0.2, time)
+        frame = np.stack([body.tangent, body.chord, body.normal]).transpose(2, 0, 1)
+        identity = np.broadcast_to(np.eye(3), frame.shape)
+        # the guard against vertical tangents costs (1e-6/cos psi)^2
+        np.testing.assert_allclose(frame @ frame.transpose(0, 2, 1), identity, atol=1e-11)
+        np.testing.assert_allclose(np.linalg.det(frame), 1, atol=1e-11)
+        level = np.cross([0, 0, 1], np.asarray(body.tangent).T)
+        level /= np.linalg.norm(level, axis=1)[:, None]
+        np.testing.assert_allclose(body.chord.T, level, rtol=0, atol=1e-11)
+        assert (body.normal[2] > 0).all()  # the back is up
+
+
+def test_neighbouring_nodes_are_a_tangent_apart():
+    """The body has its length: positions differ by the mean tangent times the spacing."""
+    sections, body = body_at(SNAKES["published"], GAITS["lively"], 0.2, 0.1)
+    mean = (body.tangent[:, 1:] + body.tangent[:, :-1]) / 2
+    np.testing.assert_allclose(np.diff(body.position, axis=1), 0.01 * mean, atol=1e-15)
+    for field in (body.position, body.velocity, body.acceleration):
+        assert np.abs(field @ sections.mass).max() < 1e-14 * max(1, np.abs(field).max())
+
+
+def test_beyond_vertical_the_chord_turns_over():
+    """psi past 90 degrees: z x t reverses, and so does the chord."""
+    gait = Gait(theta_m=0.0, psi_m=0.0, nu_theta=1.0, f_theta=0.0, d_psi=np.deg2rad(150))
+    sections, body = body_at(SNAKES["published"], gait, 0.0, 0.0)
+    psi = np.deg2rad(150) * np.asarray(sections.fraction)
+    np.testing.assert_allclose(body.chord[0], np.sign(np.cos(psi)), atol=1e-6)
+
+
+def test_value_and_gradient_are_finite_where_the_tangent_is_vertical():
+    """psi exactly 90 degrees on the whole body behind the neck."""
+    snake = SNAKES["published"]
+    sections = discretise(snake)
+
+    def frames(psi_m):
+        # psi = -psi_m cos(2a) with nu = 0: every node behind the neck at psi_m itself
+        gait = Gait(theta_m=1.0, psi_m=psi_m, nu_theta=0.0, f_theta=1.0)
+        body = backbone(sections, gait, snake.neck_fraction, jnp.pi / 2, 0.0)
+        return jnp.stack([body.tangent, body.chord, body.normal])
+
+    vertical = jnp.asarray(np.pi / 2)
+    value, slope = jax.jit(lambda p: (frames(p), jax.jacfwd(frames)(p)))(vertical)
+    assert value[0, 2, -1] == pytest.approx(1.0, abs=1e-15)
+    assert np.isfinite(value).all()
+    assert np.isfinite(slope).all()
+    assert np.abs(value).max() <= 1 + 1e-15
+    reverse = jax.jit(jax.grad(lambda p: jnp.sum(jnp.sin(3 * frames(p)))))(vertical)
+    assert np.isfinite(reverse)

@@ -19,7 +19,7 @@ from .kinematics import backbone
 from .snake import Sections
 
 _PHASES = 128  # samples of the shape over a period of its waves
-_STEPS = 16  # fixed Dopri8 steps over the cycle that sets the attitude
+_STEPS = 24  # fixed Dopri8 steps over the cycle that sets the attitude
 _MEAN = 200  # times of the cycle over which the attitude is averaged
 
 _PUBLISHED_SPEED = 0.2409
@@ -188,9 +188,9 @@ def _free_rotation(time: Scalar, state: Float[Array, "6"], body: _FreeBody):
 def launch_angles(cycle: Cycle, phi_theta: Scalar, adjoint: diffrax.AbstractAdjoint) -> Vec3:
     """Yaw, pitch, roll [rad], (3,): minus their mean over one free undulation cycle.
 
-    The mean is over `_MEAN` equally spaced times including the start but not the end. For
-    angles whose rates repeat after a cycle, that is their integral less (end - start)/
-    (2 `_MEAN`), by the Euler-Maclaurin formula.
+    The mean is over n = `_MEAN` equally spaced times including the start but not the end:
+    by the Euler-Maclaurin formula the integral of the angles, less (end - start)/(2 n), plus
+    (rate at end - rate at start)/(12 n^2).
 
     Args:
         cycle: inertia of the body over its cycle.
@@ -198,22 +198,25 @@ def launch_angles(cycle: Cycle, phi_theta: Scalar, adjoint: diffrax.AbstractAdjo
         adjoint: how Diffrax differentiates.
     """
     momentum = -2 * jnp.pi * cycle.momentum(phi_theta)
+    body = _FreeBody(cycle, phi_theta, momentum)
+    start = jnp.zeros((6,), momentum.dtype)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_free_rotation),  # type: ignore
         diffrax.Dopri8(),
         t0=0.0,
         t1=1.0,
         dt0=1 / _STEPS,
-        y0=jnp.zeros((6,), momentum.dtype),
-        args=_FreeBody(cycle, phi_theta, momentum),
+        y0=start,
+        args=body,
         stepsize_controller=diffrax.ConstantStepSize(),
         adjoint=adjoint,
         max_steps=_STEPS + 8,
         throw=False,
     )
     assert solution.ys is not None
-    end, integral = solution.ys[0, :3], solution.ys[0, 3:]
-    return end / (2 * _MEAN) - integral
+    end = solution.ys[0]
+    rates = _free_rotation(jnp.ones(()), end, body) - _free_rotation(jnp.zeros(()), start, body)
+    return end[:3] / (2 * _MEAN) - end[3:] - rates[:3] / (12 * _MEAN**2)
 
 
 def take_off(

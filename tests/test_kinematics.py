@@ -134,6 +134,8 @@ def test_value_and_gradient_are_finite_where_the_tangent_is_vertical():
     assert value[0, 2, -1] == pytest.approx(1.0, abs=1e-15)
     assert np.isfinite(value).all()
     assert np.isfinite(slope).all()
-    assert np.abs(value).max() <= 1 + 1e-15
+    # the chord shrinks to nothing there, on its way from one side to the other
+    assert np.abs(value[1:, :, -1]).max() < 1e-9
+    assert np.abs(slope[1:, :, -1]).max() == pytest.approx(1e6, rel=1e-6)
     reverse = jax.jit(jax.grad(lambda p: jnp.sum(jnp.sin(3 * frames(p)))))(vertical)
     assert np.isfinite(reverse)

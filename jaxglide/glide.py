@@ -269,8 +269,8 @@ def _fly(glider: Glider, launch: Launch, settings: Settings, adjoint) -> _Flown:
     start = take_off(glider, launch, sections, adjoint)
     flight = Flight(glider, sections, start.phi_theta)
     upright = (_clearance(0.0, start.state) > 0) & jnp.all(jnp.isfinite(start.state))
-    # A launch beyond the limit, or not finite, is over at once. Its lane must not keep a batch waiting:
-    # it falls from just above the ground, and what it did is thrown away.
+    # A launch beyond the limit, or not finite, is over at once. Its lane must not keep a
+    # batch waiting: it falls from just above the ground, and what it did is thrown away.
     state = jnp.where(upright, start.state, jnp.zeros_like(start.state).at[2].set(1e-6))
     times = settings.times
     saved = {"end": diffrax.SubSaveAt(t1=True)}

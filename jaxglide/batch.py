@@ -12,7 +12,7 @@ from .cases import build
 from .glide import Glide, simulate
 from .study import Study
 
-_CPU_LANES = 32  # per core: more gain nothing, and a batch waits for its slowest flight
+_CPU_LANES = 40  # per core: more gain nothing, and a batch waits for its slowest flight
 _MAX_LANES = 65_536  # per GPU
 _LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
 

@@ -19,7 +19,7 @@ from .kinematics import backbone
 from .snake import Sections
 
 _PHASES = 128  # samples of the shape over a period of its waves
-_STEPS = 24  # fixed Dopri8 steps over the cycle that sets the attitude
+_STEPS = 16  # fixed Dopri8 steps over the cycle that sets the attitude
 _MEAN = 200  # times of the cycle over which the attitude is averaged
 
 _PUBLISHED_SPEED = 0.2409

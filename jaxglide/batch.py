@@ -12,7 +12,7 @@ from .cases import build
 from .glide import Glide, simulate
 from .study import Study
 
-_CPU_LANES = 40  # per core: more gain nothing, and a batch waits for its slowest flight
+_CPU_LANES = 48  # per core: more gain nothing, and a batch waits for its slowest flight
 _MAX_LANES = 65_536  # per GPU
 _LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
 
@@ -86,7 +86,9 @@ def default_width(study: Study) -> int:
         states = 13 * len(study.times or ())
         per_lane = 8 * (_LIVE * study.setup["nodes"] + 20 * 13 + states)
         lanes = int(min(_MAX_LANES, 0.5 * memory / per_lane))
-    return len(devices) * max(1, min(lanes, -(-len(study) // len(devices))))
+    # As many batches as that takes, all of one size: a last small one would cost as much.
+    batches = -(-len(study) // (lanes * len(devices)))
+    return len(devices) * -(-len(study) // (batches * len(devices)))
 
 
 def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:

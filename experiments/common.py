@@ -8,6 +8,8 @@ from pathlib import Path
 
 from jaxglide.cli import configure
 
+configure()  # before anything loads JAX
+
 
 @dataclass
 class Options:
@@ -29,14 +31,13 @@ class Options:
 
 
 def arguments(description: str | None) -> Options:
-    """Read the command line and set up JAX."""
+    """Read the command line."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder (results)")
     parser.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
     parser.add_argument("--size", type=int, help="number of glides, where it can be chosen")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    configure()
     return Options(given.out, given.resume, given.size)
 
 

@@ -1,7 +1,7 @@
 """An atlas of gaits from 10 m: theta_m, nu_theta, d_psi, psi_m and f_theta, resumable.
 
 `--size 1000000` flies a million gaits; the default of 20,000 shows the same at lower
-resolution. The number of glides is the largest grid not above the size asked for.
+resolution. The number of glides is the smallest grid not below the size asked for.
 """
 
 import resource
@@ -25,14 +25,13 @@ SHAPE = {"f_theta": 0.7, "psi_m": 0.7, "d_psi": 1.0, "theta_m": 1.4, "nu_theta":
 
 
 def grid(size: int) -> dict[str, np.ndarray]:
-    """Axes of the grid: about as many points each as `SHAPE` has it, `size` at most."""
-    scale = size ** (1 / len(SHAPE))
+    """Axes of the grid: about as many points each as `SHAPE` has it, `size` in all or more."""
+    scale = 1.0
     while True:
         counts = {name: max(2, int(scale * weight)) for name, weight in SHAPE.items()}
-        if np.prod(list(counts.values())) <= size or scale < 1:
-            break
-        scale *= 0.995
-    return {name: np.linspace(*RANGES[name], counts[name]) for name in RANGES}
+        if np.prod(list(counts.values())) >= size:
+            return {name: np.linspace(*RANGES[name], counts[name]) for name in RANGES}
+        scale *= 1.005
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """One batch of a study as a vmapped computation on all local devices (floor 5)."""
 
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 import jax
@@ -12,7 +13,7 @@ from .cases import build
 from .glide import Glide, simulate
 from .study import Study
 
-_CPU_LANES = 48  # per core: more gain nothing, and a batch waits for its slowest flight
+_CPU_LANES = 24  # per core: more do not pay for waiting for the slowest flight
 _MAX_LANES = 65_536  # per GPU
 _LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
 
@@ -52,16 +53,43 @@ def _one(study_setup, options, times):
     return fly
 
 
-@lru_cache(maxsize=16)
-def _flier(setup: tuple, options: tuple, times: tuple | None, devices: tuple):
-    """Compiled function of a batch of cases whose lanes are shared out over the devices."""
-    fly = jax.vmap(_one(setup, options, times), in_axes=(0, None, None))
+def spread(one: Callable, devices: tuple, common: int):
+    """Compiled function of a batch whose lanes are shared out over the devices.
+
+    Args:
+        one: pure function of one case (a dict of arrays) and of what all cases share.
+        devices: JAX devices.
+        common: number of shared arguments.
+    """
     split, whole = PartitionSpec("lanes"), PartitionSpec()
     mesh = Mesh(np.array(devices), ("lanes",))
     mapped = jax.shard_map(
-        fly, mesh=mesh, in_specs=(split, whole, whole), out_specs=split, check_vma=False
+        jax.vmap(one, in_axes=(0,) + (None,) * common),
+        mesh=mesh,
+        in_specs=(split,) + (whole,) * common,
+        out_specs=split,
+        check_vma=False,
     )
-    return jax.jit(mapped), NamedSharding(mesh, split)
+    compiled, sharding = jax.jit(mapped), NamedSharding(mesh, split)
+
+    def run(columns: Mapping[str, np.ndarray], width: int, *shared) -> dict[str, np.ndarray]:
+        count = len(next(iter(columns.values())))
+        lanes = -(-width // len(devices)) * len(devices)
+        # Filled up with repeats, so that one compiled function serves every batch.
+        # Neighbours go to different devices: each gets as many long flights as the others.
+        place = np.argsort(np.arange(lanes) % len(devices), kind="stable")
+        source = np.minimum(place, count - 1)
+        batch = {n: jax.device_put(v[source], sharding) for n, v in columns.items()}
+        flown = compiled(batch, *shared)
+        back = np.argsort(place)[:count]
+        return {name: np.asarray(values)[back] for name, values in flown.items()}
+
+    return run
+
+
+@lru_cache(maxsize=16)
+def _flier(setup: tuple, options: tuple, times: tuple | None, devices: tuple):
+    return spread(_one(setup, options, times), devices, 2)
 
 
 def _key(study: Study) -> tuple:
@@ -103,16 +131,6 @@ def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
     Returns:
         What `results` keeps, by name, each (n, ...).
     """
-    devices = tuple(jax.local_devices())
-    flier, sharding = _flier(*_key(study), devices)
-    lanes = -(-width // len(devices)) * len(devices)
-    filled = index[np.minimum(np.arange(lanes), len(index) - 1)]
-    # Neighbours go to different devices: each gets as many long flights as the others.
-    place = np.argsort(np.arange(lanes) % len(devices), kind="stable")
-    batch = {
-        name: jax.device_put(values[place], sharding)
-        for name, values in study.columns(filled).items()
-    }
-    flown = flier(batch, jnp.asarray(study.rtol), jnp.asarray(study.atol))
-    back = np.argsort(place)[: len(index)]
-    return {name: np.asarray(values)[back] for name, values in flown.items()}
+    flier = _flier(*_key(study), tuple(jax.local_devices()))
+    tolerances = jnp.asarray(study.rtol), jnp.asarray(study.atol)
+    return flier(study.columns(index), width, *tolerances)

@@ -23,7 +23,7 @@ from .aerodynamics import Aerodynamics, element_forces
 from .attitude import angle_rates, rotation_matrix
 from .environment import Environment
 from .gait import Gait
-from .inertia import inertia_tensor, moment_of
+from .inertia import inertia_tensor, moment_of, over_nodes
 from .kinematics import Backbone, backbone, wave_phase
 from .polar import Polar
 from .snake import Sections, Snake
@@ -121,7 +121,7 @@ def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
     """
     glider, sections, _ = flight
     now = elements(time, state, flight)
-    force_B = jnp.stack([jnp.sum(row) for row in now.aerodynamics.force])
+    force_B = over_nodes(now.aerodynamics.force)
     force_I = jnp.sum(now.R_BI * force_B[:, None], axis=0)
     weight = jnp.stack([0.0 * glider.environment.gravity] * 2 + [glider.environment.gravity])
     acceleration = force_I / glider.snake.mass - weight

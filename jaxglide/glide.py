@@ -7,12 +7,11 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import jax.tree_util as jtu
 import numpy as np
 import optimistix as optx
-from jax.flatten_util import ravel_pytree
 
 from ._checks import check_integer, check_range, is_traced, number
+from ._modes import either_mode
 from ._peaks import PeakController
 from ._types import Array, Flag, Float, Integer, Scalar, State, Vec3
 from .dynamics import (
@@ -263,7 +262,7 @@ class _Flown(eqx.Module):
     interpolation: diffrax.DenseInterpolation | None
 
 
-def _fly(glider: Glider, launch: Launch, settings: Settings, adjoint) -> _Flown:
+def _fly(glider: Glider, launch: Launch, *, settings: Settings, adjoint) -> _Flown:
     """Launch, integrate, classify. Pure; nothing raises here."""
     sections = discretise(glider.snake)
     start = take_off(glider, launch, sections, adjoint)
@@ -315,49 +314,15 @@ def _fly(glider: Glider, launch: Launch, settings: Settings, adjoint) -> _Flown:
     )
 
 
-@eqx.filter_custom_jvp
-def _fly_either_mode(glider: Glider, launch: Launch, *, settings: Settings) -> _Flown:
-    """`_fly` with a derivative that works in forward and in reverse mode.
-
-    A Diffrax solve can be differentiated in one mode only, chosen beforehand. Here the
-    rule for tangents computes the Jacobian with respect to what is perturbed, in the mode
-    that is cheaper, and multiplies by it; the product can be transposed, so `grad`,
-    `jacfwd` and both under `vmap` work on the same function.
-    """
-    return _fly(glider, launch, settings, diffrax.ForwardMode())
-
-
-@_fly_either_mode.def_jvp
-def _fly_jvp(primals, tangents, *, settings):
-    moved, fixed = eqx.partition(
-        primals, jtu.tree_map(lambda t: t is not None, tangents, is_leaf=lambda t: t is None)
-    )
-    point, unravel = ravel_pytree(moved)
-    direction, _ = ravel_pytree(tangents)
-
-    def outputs(x, adjoint):
-        glider, launch = eqx.combine(unravel(x), fixed)
-        flown = _fly(glider, launch, settings, adjoint)
-        floats = eqx.filter(flown, eqx.is_inexact_array)
-        return ravel_pytree(floats)[0], flown
-
-    size = jax.eval_shape(lambda x: outputs(x, diffrax.ForwardMode())[0], point).size
-    if point.size <= size:
-        jacobian, flown = jax.jacfwd(outputs, has_aux=True)(point, diffrax.ForwardMode())
-    else:
-        adjoint = diffrax.RecursiveCheckpointAdjoint()
-        jacobian, flown = jax.jacrev(outputs, has_aux=True)(point, adjoint)
-    floats, rest = eqx.partition(flown, eqx.is_inexact_array)
-    tangent = ravel_pytree(floats)[1](jacobian @ direction)
-    return flown, eqx.combine(tangent, jtu.tree_map(lambda _: None, rest))
+_fly_either_mode = either_mode(_fly)
 
 
 @eqx.filter_jit
 def _simulate(glider, launch, settings, adjoint) -> Glide:
     if adjoint is not None:
-        flown = _fly(glider, launch, settings, adjoint)
+        flown = _fly(glider, launch, settings=settings, adjoint=adjoint)
     elif settings.dense:
-        flown = _fly(glider, launch, settings, diffrax.ForwardMode())
+        flown = _fly(glider, launch, settings=settings, adjoint=diffrax.ForwardMode())
     else:
         flown = _fly_either_mode(glider, launch, settings=settings)
     return Glide(glider=glider, launch=launch, settings=settings, **vars(flown))

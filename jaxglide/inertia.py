@@ -40,9 +40,14 @@ def inertia_tensor(mass: Nodes, position: Nodes3) -> Mat3:
     )
 
 
+def over_nodes(vectors: Nodes3) -> Vec3:
+    """Sum over nodes, (3,); row by row, which XLA fuses with what made the rows."""
+    return jnp.stack([jnp.sum(row) for row in vectors])
+
+
 def moment_of(position: Nodes3, vectors: Nodes3) -> Vec3:
     """Sum over nodes of position x vector, (3,)."""
-    return jnp.stack([jnp.sum(row) for row in cross(position, vectors)])
+    return over_nodes(cross(position, vectors))
 
 
 def angular_momentum(mass: Nodes, body: Backbone) -> Vec3:

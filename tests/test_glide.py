@@ -252,7 +252,7 @@ def test_changed_values_compile_nothing(glide, monkeypatch):
         raise AssertionError("traced again")
 
     fly(glide.glider)
-    monkeypatch.setattr(sys.modules["jaxglide.glide"], "_fly", refuse)
+    monkeypatch.setattr(sys.modules["jaxglide.glide"], "_fly_either_mode", refuse)
     snake = Snake.from_svl(0.8, mass=0.05, neck_fraction=np.float32(0.07))
     other = Glider(
         snake, Gait.from_degrees(theta_m=100, nu_theta=1), Polar.published(1.36, 0.6)

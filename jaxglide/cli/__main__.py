@@ -1,0 +1,7 @@
+"""`python -m jaxglide.cli`."""
+
+import sys
+
+from . import main
+
+sys.exit(main())

@@ -1,0 +1,106 @@
+"""What the commands share: options, checks of output files, writing."""
+
+import argparse
+import os
+from pathlib import Path
+
+from ..parameters import CHOICES, PARAMETERS
+
+
+class UsageError(Exception):
+    """A mistake of the user's: message on standard error, exit code 2."""
+
+
+def a_number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+
+
+def whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
+def add_tolerances(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("solver")
+    group.add_argument("--rtol", type=a_number, default=1e-6, help="relative tolerance (1e-6)")
+    group.add_argument("--atol", type=a_number, default=1e-6, help="absolute tolerance (1e-6)")
+
+
+def add_output(parser: argparse.ArgumentParser, plot: bool = True) -> None:
+    group = parser.add_argument_group("output")
+    group.add_argument("--save", metavar="FILE", type=Path, help="write a NetCDF file (.nc)")
+    if plot:
+        text = "write a figure (.png, .pdf, .svg)"
+        group.add_argument("--plot", metavar="FILE", type=Path, help=text)
+    else:
+        parser.set_defaults(plot=None)
+    group.add_argument("--json", action="store_true", help="print one JSON object instead")
+
+
+_GROUPS = {
+    "gait": ("nu_theta", "theta_m", "psi_m", "d_psi", "d_theta", "f_theta"),
+    "snake": ("svl", "mass", "neck_fraction"),
+    "launch": ("height", "speed"),
+    "air": ("lift_scale", "drag_scale", "gravity", "air_density", "kinematic_viscosity"),
+}
+
+
+def add_setup(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("setup")
+    for name, choices in CHOICES.items():
+        flag = f"--{name.replace('_', '-')}"
+        group.add_argument(flag, choices=choices, default=choices[0], help=f"({choices[0]})")
+    group.add_argument("--nodes", type=whole, metavar="N", help="nodes (70; gauss: 60)")
+
+
+def add_glider(parser: argparse.ArgumentParser) -> None:
+    for title, names in _GROUPS.items():
+        group = parser.add_argument_group(title)
+        for name in names:
+            p = PARAMETERS[name]
+            unit = f" [{p.unit}]" if p.unit else ""
+            default = "" if p.default is None else f" ({p.default:.4g})"
+            group.add_argument(
+                f"--{name.replace('_', '-')}",
+                type=a_number,
+                metavar="X",
+                help=f"{p.meaning}{unit}{default}",
+            )
+    add_setup(parser)
+
+
+def writable(*paths: Path | None) -> None:
+    """Fail before the work, not after it."""
+    for path in paths:
+        if path is None:
+            continue
+        if not path.parent.is_dir():
+            raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
+        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise UsageError(f"cannot write {path}")
+
+
+def _suffix(path: Path | None, option: str, allowed: tuple[str, ...]) -> None:
+    if path is not None and path.suffix not in allowed:
+        raise UsageError(f"{option} {path}: the name must end in {' or '.join(allowed)}")
+
+
+def check_output(args) -> None:
+    _suffix(args.save, "--save", (".nc",))
+    _suffix(args.plot, "--plot", (".png", ".pdf", ".svg"))
+    writable(args.save, args.plot)
+
+
+def write(data, figure, args) -> None:
+    if args.save is not None:
+        data().to_netcdf(args.save, engine="h5netcdf")
+    if args.plot is not None:
+        figure().savefig(args.plot, dpi=200)
+    for path in (args.save, args.plot):
+        if path is not None and not args.json:
+            print(f"wrote {path}")

@@ -1,0 +1,28 @@
+"""JAX for the command line: float64, all cores, a cache of compiled code."""
+
+import os
+import warnings
+from pathlib import Path
+
+_XLA_FLAGS = ("--xla_cpu_prefer_vector_width=512",)
+"""Measured in benchmarks/README.md; a user's own XLA_FLAGS win."""
+
+
+def configure() -> None:
+    """Set up JAX for the command line: float64, all cores, a cache of compiled code."""
+    given = os.environ.get("XLA_FLAGS", "")
+    names = given.replace("=", " ").split()
+    flags = [flag for flag in _XLA_FLAGS if flag.split("=")[0] not in names]
+    os.environ["XLA_FLAGS"] = " ".join([given, *flags]).strip()
+    # Loading a cached executable logs a page about tuning hints as an error.
+    os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    if not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        jax.config.update("jax_compilation_cache_dir", str(home / "jaxglide"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    if not os.environ.get("JAX_NUM_CPU_DEVICES"):
+        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
+    warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")

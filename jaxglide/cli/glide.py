@@ -1,0 +1,93 @@
+"""`jaxglide glide`."""
+
+import json
+import sys
+
+from ..parameters import CHOICES, PARAMETERS
+from ._options import add_glider, add_output, add_tolerances, write
+
+_SOLVERS = ("dopri5", "tsit5", "dopri8", "bosh3")
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    glide = commands.add_parser(
+        "glide",
+        help="fly one glide",
+        description="Fly one glide until it lands or an angle reaches 85 degrees.",
+        epilog="Exit code: 0 for a computed glide, landed or unstable; 1 if it could not be "
+        "computed to its end; 2 for wrong input.",
+    )
+    add_glider(glide)
+    add_tolerances(glide)
+    glide.add_argument("--solver", choices=_SOLVERS, default="dopri5", help="(dopri5)")
+    add_output(glide)
+    glide.set_defaults(run=_run)
+
+
+def _run(args) -> int:
+    import diffrax
+    import numpy as np
+
+    from ..cases import build, check_parameters, check_setup
+    from ..glide import Outcome, simulate
+
+    given = {name: getattr(args, name) for name in PARAMETERS}
+    case = {name: value for name, value in given.items() if value is not None}
+    check_parameters(case)
+    setup = {name: getattr(args, name) for name in (*CHOICES, "nodes")}
+    glider, launch = build(case, check_setup(setup))
+    solvers = (diffrax.Dopri5, diffrax.Tsit5, diffrax.Dopri8, diffrax.Bosh3)
+    glide = simulate(
+        glider,
+        launch,
+        rtol=args.rtol,
+        atol=args.atol,
+        solver=dict(zip(_SOLVERS, solvers, strict=True))[args.solver](),
+        dense=args.save is not None or args.plot is not None,
+        max_steps=20_000,
+    )
+    outcome = Outcome(int(glide.outcome))
+
+    def data():
+        from ..records import glide_dataset
+
+        return glide_dataset(glide)
+
+    def figure():
+        from ..plot import glide_overview
+
+        return glide_overview(glide)
+
+    computed = outcome <= Outcome.UNSTABLE_ROLL
+    if computed:
+        write(data, figure, args)
+
+    def angles(values):
+        degrees = np.rad2deg(np.asarray(values))
+        return dict(zip(("yaw", "pitch", "roll"), map(float, degrees), strict=True))
+
+    if args.json:
+        start = glide.take_off
+        result = {
+            "outcome": str(outcome),
+            "time": float(glide.time),
+            "landing_point": np.asarray(glide.landing_point).tolist(),
+            "path_length": float(glide.path_length),
+            "height_lost": float(glide.height_lost),
+            "end_angles_deg": angles(glide.end_angles),
+            "max_angles_deg": angles(glide.max_angles),
+            "launch": {
+                "phase": float(start.phi_theta),
+                "angles_deg": angles(start.angles),
+                "speed": float(start.speed),
+            },
+            "steps": {"accepted": int(glide.accepted), "rejected": int(glide.rejected)},
+        }
+        print(json.dumps(result))
+    else:
+        print(glide)
+    if not computed:
+        print(f"jaxglide: the glide {outcome} at {float(glide.time):.6g} s", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,100 @@
+"""`jaxglide sweep`."""
+
+import json
+import time
+from pathlib import Path
+
+from ..parameters import CHOICES
+from ._options import UsageError, add_output, add_setup, add_tolerances, whole, write
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    sweep = commands.add_parser(
+        "sweep",
+        help="fly any study: a grid or a list of cases, resumable",
+        description="Fly every combination of the varied parameters. Started again with the "
+        "same study and --store, it computes only what is missing.",
+        epilog="Example: jaxglide sweep --vary nu_theta=1:1.5:11 --vary d_psi=0,10,20 "
+        "--fix height=75 --store results/bend.zarr --save bend.nc",
+    )
+    sweep.add_argument("file", nargs="?", type=Path, help="study file (TOML)")
+    sweep.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="NAME=VALUES",
+        help="a parameter and its values: a,b,c or start:stop:count",
+    )
+    sweep.add_argument(
+        "--fix", action="append", default=[], metavar="NAME=VALUE", help="another value"
+    )
+    sweep.add_argument("--store", type=Path, metavar="FOLDER", help="keep results here (Zarr)")
+    sweep.add_argument("--width", type=whole, metavar="N", help="glides per batch")
+    sweep.add_argument("--cluster", metavar="ADDRESS", help="scheduler of a Dask cluster")
+    add_setup(sweep)
+    add_tolerances(sweep)
+    add_output(sweep, plot=False)
+    sweep.set_defaults(run=_run)
+
+
+def _values(text: str) -> tuple[str, list[float]]:
+    """Name and values of NAME=a,b,c or NAME=start:stop:count."""
+    name, equals, values = text.partition("=")
+    try:
+        if not equals:
+            raise ValueError
+        if ":" not in values:
+            return name, [float(value) for value in values.split(",")]
+        start, stop, count = values.split(":")
+        if not 1 <= int(count) <= 10**7:
+            raise ValueError
+        step = (float(stop) - float(start)) / max(int(count) - 1, 1)
+        return name, [float(start) + step * i for i in range(int(count))]
+    except ValueError:
+        raise UsageError(f"{text!r} is not NAME=a,b,c nor NAME=start:stop:count") from None
+
+
+def _run(args) -> int:
+    import numpy as np
+
+    from ..glide import Outcome
+    from ..study import Study
+    from ..sweep import sweep
+
+    if args.file is not None:
+        if args.vary or args.fix:
+            raise UsageError("give a study file or --vary and --fix, not both")
+        study = Study.from_file(args.file)
+    else:
+        if not args.vary:
+            raise UsageError("nothing to vary: give a study file or --vary NAME=VALUES")
+        fixed = {}
+        for name, values in map(_values, args.fix):
+            if len(values) != 1:
+                raise UsageError(f"--fix {name} takes one value")
+            fixed[name] = values[0]
+        setup = {name: getattr(args, name) for name in (*CHOICES, "nodes")}
+        grid = dict(map(_values, args.vary))
+        study = Study(grid, fixed=fixed, setup=setup, rtol=args.rtol, atol=args.atol)
+    if args.width is not None and args.width < 1:
+        raise UsageError(f"--width {args.width} is not at least 1")
+    begin = time.perf_counter()
+    data = sweep(study, args.store, width=args.width, cluster=args.cluster)
+    took = time.perf_counter() - begin
+    write(lambda: data, None, args)
+    codes = data.outcome.values
+    counts = {str(o): int((codes == o).sum()) for o in Outcome if (codes == o).any()}
+    computed = all(o <= Outcome.UNSTABLE_ROLL for o in Outcome if str(o) in counts)
+    if args.json:
+        print(json.dumps({"glides": len(study), "seconds": took, "outcomes": counts}))
+        return 0 if computed else 1
+    print(f"{len(study)} glides in {took:.1f} s, shape {'x'.join(map(str, study.shape))}")
+    for outcome, count in counts.items():
+        print(f"  {outcome:18} {count}")
+    best = int(data.landing_point.sel(axis="y").values.ravel().argmax())
+    where = {name: float(v[0]) for name, v in study.columns(np.array([best])).items()}
+    point = data.landing_point.sel(axis="y").values.ravel()[best]
+    told = ", ".join(f"{name} {value:g}" for name, value in where.items())
+    print(f"farthest forward   {point:.3f} m at {told}")
+    return 0 if computed else 1

@@ -46,6 +46,15 @@ PARAMETERS: dict[str, Parameter] = {
     "kinematic_viscosity": Parameter("m^2/s", 1.568e-5, "viscosity of the air", 0, 1, True),
 }
 
+OBSERVED: dict[str, tuple[float, float]] = {
+    "nu_theta": (1.0, 1.5),
+    "theta_m": (80.0, 120.0),
+    "psi_m": (20.0, 45.0),
+    "d_psi": (-20.0, 30.0),
+    "f_theta": (1.0, 1.7),
+}
+"""Range of each variable of the gait observed in flight, in its unit."""
+
 CHOICES: dict[str, tuple[str, ...]] = {
     "polar": ("published", "smooth"),
     "node_set": ("published", "gauss"),

@@ -8,7 +8,10 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import jaxglide as jg
 from jaxglide import cli
+from jaxglide.trim import derivatives
+from jaxglide.windtunnel import fall, loads_at_end, over_phases
 
 
 @pytest.fixture(autouse=True)
@@ -164,3 +167,63 @@ def test_a_flight_that_cannot_be_computed_exits_with_1(capsys, monkeypatch):
     code, _, err = run(capsys, "glide")
     assert code == 1
     assert "ran out of steps" in err
+
+
+def test_windtunnel_prints_and_writes_what_the_library_says(capsys, tmp_path):
+    save, plot = tmp_path / "t.nc", tmp_path / "t.png"
+    options = (
+        "windtunnel",
+        "--height",
+        "1",
+        "--polar",
+        "smooth",
+        "--phases",
+        "6",
+        "--pitch",
+        "5",
+    )
+    code, out, err = run(capsys, *options, "--save", str(save), "--plot", str(plot))
+    assert (code, err) == (0, "")
+    assert "landed" in out
+    assert "Moments there over 6 phases (N mm)" in out
+    assert plot.stat().st_size > 10_000
+    with xr.open_dataset(save, engine="h5netcdf") as data:
+        assert data.sizes["phase"] == 6
+        assert data.velocity.values[0, 0].tolist() == [1.7, 0.0]
+    code, out, _ = run(capsys, *options, "--json")
+    found = json.loads(out)
+    glider = jg.Glider(jg.Snake.from_svl(), jg.Gait.from_degrees(), jg.Polar.smooth())
+    fallen = fall(glider, jg.Launch(1.0, 1.7), angles=(0.0, np.deg2rad(5), 0.0), max_time=10.0)
+    assert found["time"] == pytest.approx(float(fallen.time), abs=1e-9)
+    stats = over_phases(loads_at_end(fallen, 6).aerodynamic)
+    pitch = found["moments_N_mm"]["pitch"]
+    assert pitch["mean"] == pytest.approx(1e3 * float(stats.mean[0]))
+    assert pitch["peak_to_peak"] == pytest.approx(1e3 * float(stats.peak_to_peak[0]))
+    effect = found["pitch_moment_derivatives_N_mm_per_unit"]["d_psi"]
+    assert effect["unit"] == "deg"
+    state = fallen.state
+    slopes = derivatives(
+        glider, [0, state[2], state[3]], fallen.angles, time=fallen.time, phases=6
+    )
+    assert effect["value"] == pytest.approx(np.deg2rad(1e3 * float(slopes.by_gait.d_psi[0])))
+
+
+def test_trim_prints_a_root_or_says_there_is_none(capsys, tmp_path):
+    plot = tmp_path / "t.png"
+    code, out, err = run(capsys, "trim", "--height", "2", "--plot", str(plot))
+    assert (code, err) == (0, "")
+    assert "trim at d_psi = " in out
+    assert plot.stat().st_size > 5_000
+    code, out, _ = run(capsys, "trim", "--height", "2", "--json")
+    found = json.loads(out)
+    assert (code, found["unit"]) == (0, "deg/SVL")
+    assert -20 < found["value"] < 20
+    assert abs(found["moment_N_mm"]) < 1e-8
+    signs = np.sign(found["moments_N_mm"])
+    assert signs[0] < 0 < signs[-1]
+    high = str(found["scanned"][int(np.argmax(signs > 0)) - 1])
+    code, out, _ = run(capsys, "trim", "--height", "2", "--high", high)
+    assert code == 1
+    assert "no trim: the moment does not change sign" in out
+    code, _, err = run(capsys, "trim", "--low", "0", "--high", "0")
+    assert (code, err) == (2, "jaxglide: --low 0 is not below --high 0\n")

@@ -31,9 +31,13 @@ def add_tolerances(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--atol", type=a_number, default=1e-6, help="absolute tolerance (1e-6)")
 
 
-def add_output(parser: argparse.ArgumentParser, plot: bool = True) -> None:
+def add_output(parser: argparse.ArgumentParser, save: bool = True, plot: bool = True) -> None:
     group = parser.add_argument_group("output")
-    group.add_argument("--save", metavar="FILE", type=Path, help="write a NetCDF file (.nc)")
+    if save:
+        text = "write a NetCDF file (.nc)"
+        group.add_argument("--save", metavar="FILE", type=Path, help=text)
+    else:
+        parser.set_defaults(save=None)
     if plot:
         text = "write a figure (.png, .pdf, .svg)"
         group.add_argument("--plot", metavar="FILE", type=Path, help=text)
@@ -50,15 +54,15 @@ _GROUPS = {
 }
 
 
-def add_setup(parser: argparse.ArgumentParser) -> None:
+def add_setup(parser: argparse.ArgumentParser, **defaults: str) -> None:
     group = parser.add_argument_group("setup")
     for name, choices in CHOICES.items():
-        flag = f"--{name.replace('_', '-')}"
-        group.add_argument(flag, choices=choices, default=choices[0], help=f"({choices[0]})")
+        flag, default = f"--{name.replace('_', '-')}", defaults.get(name, choices[0])
+        group.add_argument(flag, choices=choices, default=default, help=f"({default})")
     group.add_argument("--nodes", type=whole, metavar="N", help="nodes (70; gauss: 60)")
 
 
-def add_glider(parser: argparse.ArgumentParser) -> None:
+def add_glider(parser: argparse.ArgumentParser, **defaults: str) -> None:
     for title, names in _GROUPS.items():
         group = parser.add_argument_group(title)
         for name in names:
@@ -71,7 +75,27 @@ def add_glider(parser: argparse.ArgumentParser) -> None:
                 metavar="X",
                 help=f"{p.meaning}{unit}{default}",
             )
-    add_setup(parser)
+    add_setup(parser, **defaults)
+
+
+def case_of(args) -> dict[str, float]:
+    """The glider's and launch's parameters given on the command line, by name."""
+    given = {name: getattr(args, name) for name in PARAMETERS}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def setup_of(args) -> dict:
+    """The setup given on the command line."""
+    return {name: getattr(args, name) for name in (*CHOICES, "nodes")}
+
+
+def build_from(args):
+    """Glider and launch given on the command line, checked."""
+    from ..cases import build, check_parameters, check_setup
+
+    case = case_of(args)
+    check_parameters(case)
+    return build(case, check_setup(setup_of(args)))
 
 
 def writable(*paths: Path | None) -> None:

@@ -9,6 +9,10 @@ from ._options import UsageError, whole
 _FIGURES = {
     "4": "figure_4.py",
     "5": "figure_5.py",
+    "6": "figure_6.py",
+    "s7": "figure_s7.py",
+    "s8": "figure_s8.py",
+    "glide-polar": "glide_polar.py",
     "force-coefficients": "force_coefficients.py",
     "atlas": "atlas.py",
 }

@@ -3,8 +3,7 @@
 import json
 import sys
 
-from ..parameters import CHOICES, PARAMETERS
-from ._options import add_glider, add_output, add_tolerances, write
+from ._options import add_glider, add_output, add_tolerances, build_from, write
 
 _SOLVERS = ("dopri5", "tsit5", "dopri8", "bosh3")
 
@@ -29,14 +28,9 @@ def _run(args) -> int:
     import diffrax
     import numpy as np
 
-    from ..cases import build, check_parameters, check_setup
     from ..glide import Outcome, simulate
 
-    given = {name: getattr(args, name) for name in PARAMETERS}
-    case = {name: value for name, value in given.items() if value is not None}
-    check_parameters(case)
-    setup = {name: getattr(args, name) for name in (*CHOICES, "nodes")}
-    glider, launch = build(case, check_setup(setup))
+    glider, launch = build_from(args)
     solvers = (diffrax.Dopri5, diffrax.Tsit5, diffrax.Dopri8, diffrax.Bosh3)
     glide = simulate(
         glider,

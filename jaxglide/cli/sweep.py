@@ -4,8 +4,7 @@ import json
 import time
 from pathlib import Path
 
-from ..parameters import CHOICES
-from ._options import UsageError, add_output, add_setup, add_tolerances, whole, write
+from ._options import UsageError, add_output, add_setup, add_tolerances, setup_of, whole, write
 
 
 def add(commands) -> None:
@@ -74,9 +73,8 @@ def _run(args) -> int:
             if len(values) != 1:
                 raise UsageError(f"--fix {name} takes one value")
             fixed[name] = values[0]
-        setup = {name: getattr(args, name) for name in (*CHOICES, "nodes")}
         grid = dict(map(_values, args.vary))
-        study = Study(grid, fixed=fixed, setup=setup, rtol=args.rtol, atol=args.atol)
+        study = Study(grid, fixed=fixed, setup=setup_of(args), rtol=args.rtol, atol=args.atol)
     if args.width is not None and args.width < 1:
         raise UsageError(f"--width {args.width} is not at least 1")
     begin = time.perf_counter()

@@ -33,7 +33,7 @@ def bending_grid(data: xr.Dataset, quantity: str = "path") -> Figure:
     shades = colormaps["viridis"]
     low, high = float(data.nu_theta.min()), float(data.nu_theta.max())
     with style():
-        figure = new_figure(width=180.0, height=20 + 45 * len(rows))
+        figure = new_figure(width=180.0, height=18 + 38 * len(rows))
         figure.set_layout_engine("constrained")
         axes = figure.subplots(len(rows), len(columns), sharex=True, sharey=True, squeeze=False)
         for i, psi_m in enumerate(rows):

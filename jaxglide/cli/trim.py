@@ -1,0 +1,90 @@
+"""`jaxglide trim`."""
+
+import json
+
+from ..parameters import OBSERVED
+from ._options import UsageError, a_number, add_glider, add_output, build_from, write
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    trim = commands.add_parser(
+        "trim",
+        help="find the bend, or another gait parameter, without pitch moment",
+        description="Find the value of a gait parameter at which the pitch moment, averaged "
+        "over the phases of the waves at the end of a held glide, vanishes. Without --speed "
+        "the glide starts at the published 1.7 m/s.",
+        epilog="Exit code: 0 for a trim, 1 if the moment does not change sign in the range, 2 "
+        "for wrong input.",
+    )
+    add_glider(trim, polar="smooth")
+    group = trim.add_argument_group("trim")
+    group.add_argument(
+        "--parameter", choices=(*OBSERVED, "d_theta"), default="d_psi", help="(d_psi)"
+    )
+    text = "of the range, in the parameter's unit (-20 and 20 for d_psi, else as observed)"
+    group.add_argument("--low", type=a_number, metavar="X", help=f"lower end {text}")
+    group.add_argument("--high", type=a_number, metavar="X", help="upper end")
+    add_output(trim, save=False)
+    trim.set_defaults(run=_run)
+
+
+def _run(args) -> int:
+    import equinox as eqx
+    import jax.numpy as jnp
+    import numpy as np
+
+    from ..cases import check_parameters
+    from ..parameters import PARAMETERS
+    from ..trim import trim
+    from ..windtunnel import PUBLISHED_LAUNCH
+
+    name = args.parameter
+    symmetric = name in ("d_psi", "d_theta")
+    low, high = (-20.0, 20.0) if symmetric else OBSERVED[name]
+    low = low if args.low is None else args.low
+    high = high if args.high is None else args.high
+    check_parameters({name: np.array([low, high])})
+    if low >= high:
+        raise UsageError(f"--low {low:g} is not below --high {high:g}")
+    unit = PARAMETERS[name].unit
+    factor = np.pi / 180 if unit.startswith("deg") else 1.0
+    glider, launch = build_from(args)
+    if args.speed is None:
+        speed = jnp.asarray(PUBLISHED_LAUNCH[1])
+        launch = eqx.tree_at(lambda x: x.speed, launch, speed, is_leaf=lambda x: x is None)
+    found = trim(glider, name, (factor * low, factor * high), launch=launch)
+    value = float(found.value) / factor
+
+    def figure():
+        from ..plot import trim_curve
+
+        return trim_curve(found).figure
+
+    write(None, figure, args)
+    scanned = np.asarray(found.scanned) / factor
+    moments = 1e3 * np.asarray(found.moments)
+    if args.json:
+        result = {
+            "parameter": name,
+            "unit": unit,
+            "value": value if found.found else None,
+            "moment_N_mm": 1e3 * float(found.moment) if found.found else None,
+            "crossings": int(found.crossings),
+            "scanned": scanned.tolist(),
+            "moments_N_mm": moments.tolist(),
+        }
+        print(json.dumps(result))
+        return int(not found.found)
+    print(f"{name + ' (' + (unit or '1') + ')':>20}  mean pitch moment (N mm)")
+    for at, moment in zip(scanned, moments, strict=True):
+        print(f"{at:20.3f}  {moment:+.4f}")
+    if not found.found:
+        print(f"no trim: the moment does not change sign between {low:g} and {high:g} {unit}")
+        return 1
+    print(
+        f"trim at {name} = {value:.6f} {unit}, where {1e3 * float(found.moment):+.1e} N mm are left"
+    )
+    if found.crossings > 1:
+        print(f"the moment changes sign {int(found.crossings)} times: this is the lowest")
+    return 0

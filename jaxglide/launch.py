@@ -137,6 +137,7 @@ def _evaluate(cosines, sines, phase):
     return cosines @ cosine + sines @ sine
 
 
+@jax.custom_jvp
 def launch_phase(cycle: Cycle) -> Scalar:
     """Phase [rad] of the first local minimum of |h| downhill from 0 (eq. 27).
 
@@ -144,9 +145,8 @@ def launch_phase(cycle: Cycle) -> Scalar:
     and its root found by bisection; its derivative is that of the root (implicit function
     theorem).
     """
-    fixed = jax.lax.stop_gradient(cycle)
     phases = 2 * jnp.pi / _PHASES * jnp.arange(-_PHASES, _PHASES + 1)
-    slopes = jax.vmap(fixed.slope)(phases)
+    slopes = jax.vmap(cycle.slope)(phases)
     # Walking up from 0 where the slope is negative there, else down: the first change of
     # sign is a minimum, between neighbours.
     first_up = jnp.argmax(slopes[_PHASES + 1 :] >= 0) + _PHASES
@@ -162,6 +162,16 @@ def launch_phase(cycle: Cycle) -> Scalar:
         options={"lower": lower, "upper": upper},
         throw=False,
     ).value
+
+
+@launch_phase.defjvp
+def _launch_phase_jvp(primals, tangents):
+    (cycle,) = primals
+    phase = launch_phase(cycle)
+    _, change = jax.jvp(lambda cycle: cycle.slope(phase), primals, tangents)
+    curvature = jax.grad(cycle.slope)(phase)
+    curved = curvature > 0  # not where nothing moves, and every phase is as good
+    return phase, jnp.where(curved, -change / jnp.where(curved, curvature, 1.0), 0.0)
 
 
 class _FreeBody(NamedTuple):

@@ -13,13 +13,13 @@ from .store import Store
 from .study import Study
 
 
-def _progress(total: int, done: int, show: bool | None):
+def progress_bar(total: int, unit: str, show: bool | None, done: int = 0):
     """A bar with rate and time left: on a terminal and in a notebook, silent when piped."""
     from tqdm.auto import tqdm
 
     notebook = "notebook" in tqdm.__module__
     disable = None if show is None and not notebook else show is False
-    return tqdm(total=total, initial=done, unit="glide", disable=disable, smoothing=0.1)
+    return tqdm(total=total, initial=done, unit=unit, disable=disable, smoothing=0.1)
 
 
 def sweep(
@@ -55,7 +55,7 @@ def sweep(
     todo = np.flatnonzero(~done)
     sizes = np.minimum(width, len(study) - width * np.arange(chunks))
     pieces: dict[int, Mapping[str, np.ndarray]] = {}
-    with _progress(len(study), int(sizes[done].sum()), progress) as bar:
+    with progress_bar(len(study), "glide", progress, int(sizes[done].sum())) as bar:
         if cluster is not None:
             from .cluster import solve_on_cluster
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jaxglide as jg
-from jaxglide import cli
+from jaxglide import Outcome, cli
 from jaxglide.trim import derivatives
 from jaxglide.windtunnel import fall, loads_at_end, over_phases
 
@@ -45,6 +45,11 @@ def test_glide_writes_a_labelled_file_and_a_picture(capsys, tmp_path):
         # the file's own consistency: nodes surround the centre of mass, forces are finite
         span = np.abs(data.body.values - data.position.values[:, :, None]).max()
         assert 0.05 < span < 0.7
+        # and the forces, in inertial axes, move the centre of mass
+        moved = np.gradient(data.velocity.values, data.time.values, axis=0)
+        forced = data.force.values.sum(axis=2) / data.attrs["mass"] - [0, 0, 9.81]
+        np.testing.assert_allclose(moved[1:-1], forced[1:-1], rtol=0, atol=0.05)
+        assert 10 < np.abs(data.angle_of_attack.values).max() < 180  # degrees
         assert np.isfinite(data.force.values).all()
 
 
@@ -66,6 +71,9 @@ def test_options_reach_the_model(capsys):
         ("--polar", "smooth"),
         ("--lift-scale", "1.36"),
         ("--drag-scale", "0.6"),
+        ("--gravity", "9"),
+        ("--air-density", "1.3"),
+        ("--kinematic-viscosity", "2e-5"),
         ("--rtol", "1e-4"),
     ):
         code, out, _ = run(capsys, *base, option, value)
@@ -227,3 +235,116 @@ def test_trim_prints_a_root_or_says_there_is_none(capsys, tmp_path):
     assert "no trim: the moment does not change sign" in out
     code, _, err = run(capsys, "trim", "--low", "0", "--high", "0")
     assert (code, err) == (2, "jaxglide: --low 0 is not below --high 0\n")
+
+
+@pytest.fixture
+def swept(monkeypatch):
+    """What `jaxglide sweep` hands to `sweep`; the outcomes it gets back are set by it."""
+    told = {"outcome": Outcome.LANDED}
+
+    def fly(study, store, **options):
+        told.update(study=study, store=store, **options)
+        point = np.zeros((*study.shape, 3))
+        point[..., 1].flat = np.arange(len(study))
+        outcome = np.zeros(study.shape, int)
+        outcome.flat[0] = told["outcome"]
+        dims = tuple(study.varied)
+        return xr.Dataset(
+            {"outcome": (dims, outcome), "landing_point": ((*dims, "axis"), point)},
+            {"axis": list("xyz")},
+        )
+
+    monkeypatch.setattr("jaxglide.sweep.sweep", fly)
+    return told
+
+
+SWEEP = ("sweep", "--vary", "nu_theta=1.2:1.5:4", "--vary", "d_psi=0,10", "--fix", "height=5")
+
+
+def test_sweep_options_reach_the_study(capsys, tmp_path, swept):
+    store, save = tmp_path / "s.zarr", tmp_path / "s.nc"
+    code, out, err = run(
+        capsys, *SWEEP, "--fix", "speed=2", "--polar", "smooth", "--nodes", "20", "--rtol",
+        "1e-5", "--atol", "1e-4", "--width", "3", "--store", str(store), "--save", str(save),
+    )  # fmt: skip
+    assert (code, err) == (0, "")
+    study = swept["study"]
+    assert study.shape == (4, 2)
+    np.testing.assert_allclose(study.varied["nu_theta"], [1.2, 1.3, 1.4, 1.5])
+    assert list(study.varied["d_psi"]) == [0, 10]
+    assert study.fixed == {"height": 5, "speed": 2}
+    assert study.setup == {"polar": "smooth", "node_set": "published", "nodes": 20}
+    assert (study.rtol, study.atol) == (1e-5, 1e-4)
+    assert (swept["store"], swept["width"], swept["cluster"]) == (store, 3, None)
+    assert "8 glides" in out
+    assert "7.000 m at nu_theta 1.5, d_psi 10, height 5" in out
+    with xr.open_dataset(save, engine="h5netcdf") as data:
+        assert data.outcome.shape == (4, 2)
+
+
+@pytest.mark.parametrize("extra", [(), ("--json",)])
+def test_a_sweep_that_could_not_compute_a_glide_exits_with_1(capsys, swept, extra):
+    for outcome, expected in ((Outcome.UNSTABLE_ROLL, 0), (Outcome.OUT_OF_TIME, 1)):
+        swept["outcome"] = outcome
+        code, out, _ = run(capsys, *SWEEP, *extra)
+        assert code == expected
+        assert str(outcome) in out
+    if extra:
+        assert json.loads(out)["outcomes"] == {"landed": 7, "ran out of time": 1}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "nothing to vary"),
+        (("study.toml", "--vary", "svl=1"), "not both"),
+        (("--vary", "svl"), "is not NAME=a,b,c"),
+        (("--vary", "svl=1:2:0"), "nor NAME=start:stop:count"),
+        (("--vary", "svl=1", "--fix", "height=1,2"), "--fix height takes one value"),
+        (("--vary", "svl=1", "--width", "0"), "--width 0"),
+        (("--vary", "svl=1", "--save", "s.zarr"), ".nc"),
+    ],
+)
+def test_wrong_sweeps(capsys, swept, arguments, message):
+    code, out, err = run(capsys, "sweep", *arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert "study" not in swept
+
+
+def test_shapes_options_reach_the_study(capsys, monkeypatch):
+    from jaxglide.published import NU_THETA, THETA_M, regions
+
+    told = []
+
+    def fly(height, **tolerances):
+        told.append((height, tolerances))
+        shapes = ("f_theta", "theta_m", "nu_theta")
+        outcome = np.zeros((2, 11, 11), int)
+        outcome[1, 3, 4] = len(told) == 2  # at the finer tolerance one is unstable
+        return xr.Dataset(
+            {"outcome": (shapes, outcome), "path_length": (shapes, np.ones((2, 11, 11)))},
+            {"f_theta": [0.0, 1.2], "theta_m": THETA_M, "nu_theta": NU_THETA,
+             "region": (shapes[1:], regions())},
+        )  # fmt: skip
+
+    monkeypatch.setattr("jaxglide.published.shape_space", fly)
+    options = ("--height", "12", "--rtol", "1e-5", "--atol", "1e-4", "--check", "--json")
+    code, out, err = run(capsys, "shapes", *options)
+    assert (code, err) == (0, "")
+    fine = {"rtol": 1e-9, "atol": 1e-9}
+    assert told == [(12, {"rtol": 1e-5, "atol": 1e-4}), (12, fine)]
+    result = json.loads(out)
+    assert result["height"] == 12
+    assert len(result["table"]) == 16
+    assert all(row["published"] is None for row in result["table"])  # published for 10 m
+    assert result["borderline"] == [[1.2, THETA_M[3], NU_THETA[4]]]
+    code, out, _ = run(capsys, "shapes")
+    assert code == 0
+    assert "242 glides from 10 m" in out
+    assert "94.215" in out  # published
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_pictures_may_be_png_pdf_or_svg(tmp_path, suffix):
+    check_error(["--nodes=7", f"--plot={tmp_path}/glide.{suffix}"], "nodes")

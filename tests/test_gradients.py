@@ -43,9 +43,10 @@ def build(p, polar=Polar.smooth):
 
 
 def outputs(p, **options):
-    """Landing distance, path length and end time."""
+    """Landing distance, path length, end time and largest |roll|."""
     glide = simulate(*build(p), **options)
-    return jnp.stack([glide.landing_point[1], glide.path_length, glide.time])
+    roll = glide.max_angles[2]
+    return jnp.stack([glide.landing_point[1], glide.path_length, glide.time, roll])
 
 
 def central(function, p, index, h):

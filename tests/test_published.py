@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from jaxglide import Outcome
 from jaxglide.published import (
     BENDS,
     NU_THETA,
+    PATH_LENGTH,
     REGIONS,
+    STABLE,
+    THETA_M,
     bending_study,
     borderline,
     long_summary,
@@ -33,6 +37,73 @@ def test_regions_have_the_published_sizes():
     assert regions()[0, 0] == "observed"
     assert regions()[10, 0] == "open"  # low amplitude, few waves: an open curve
     assert regions()[0, 10] == "closed"
+
+
+@pytest.fixture
+def made_up():
+    """A shape space never flown: undulation changes every number by what is in `CHANGE`."""
+    change = np.vectorize(CHANGE.get)(regions())
+    dims = ("f_theta", "theta_m", "nu_theta")
+    numbers = (dims, 10.0 + np.stack([0 * change, change]))
+    variables = dict.fromkeys(("height_lost", "path_length"), numbers)
+    outcome = np.zeros((2, 11, 11), int)
+    outcome[1][regions() == "closed"] = Outcome.UNSTABLE_ROLL
+    coordinates = {"f_theta": [0.0, 1.2], "theta_m": THETA_M, "nu_theta": NU_THETA}
+    coordinates["region"] = (dims[1:], regions())
+    return xr.Dataset(variables | {"outcome": (dims, outcome)}, coordinates)
+
+
+CHANGE = {"observed": 2.0, "open": -1.0, "closed": 0.5}
+
+
+def mean_of(values):
+    """By region, of what holds in each."""
+    total = sum(values[name] * COUNTS[name] for name in values)
+    return {**values, "all": total / COUNTS["all"]}
+
+
+def test_tables_of_a_made_up_shape_space(made_up):
+    stable = mean_of({"observed": 100.0, "open": 100.0, "closed": 0.0})
+    length = mean_of({name: 10.0 + change for name, change in CHANGE.items()})
+    expected = {
+        ("stable (%)", 1.2): (stable, STABLE),
+        ("stable (%)", 0.0): (dict.fromkeys(REGIONS, 100.0), STABLE),
+        ("mean path length (m)", 1.2): (length, PATH_LENGTH),
+        ("mean path length (m)", 0.0): (dict.fromkeys(REGIONS, 10.0), PATH_LENGTH),
+    }
+    rows = summary(made_up)
+    assert len(rows) == 16
+    for name, f_theta, region, ours, published in rows:
+        found, table = expected[name, f_theta]
+        assert ours == pytest.approx(found[region]), (name, f_theta, region)
+        assert published == table[f_theta][region]
+    increase, share = mean_of(CHANGE), mean_of({"observed": 100, "open": 0, "closed": 100})
+    rows = long_summary(made_up)
+    assert len(rows) == 12
+    for name, region, ours, _ in rows:
+        expected_here = share if "%" in name else increase
+        assert ours == pytest.approx(expected_here[region]), (name, region)
+
+
+def test_borderline_names_the_shapes_that_flip(made_up):
+    finer = made_up.copy(deep=True)
+    finer.outcome[0, 2, 7] = Outcome.UNSTABLE_YAW
+    closed = regions() == "closed"
+    finer.outcome.values[1][closed] = Outcome.UNSTABLE_PITCH  # still unstable
+    finer.outcome[1, 0, 10] = Outcome.LANDED
+    assert borderline(made_up, made_up) == []
+    flips = borderline(made_up, finer)
+    assert flips == [(0.0, THETA_M[2], NU_THETA[7]), (1.2, THETA_M[0], NU_THETA[10])]
+
+
+def test_bending_cases_are_in_the_order_said():
+    study = bending_study((0.0, 20.0))
+    case = {name: values.reshape(2, 5, 11) for name, values in study.varied.items()}
+    assert np.all(case["psi_m"] == np.reshape([0, 20], (2, 1, 1)))
+    assert np.all(case["d_psi"] == BENDS[:, None])
+    assert np.all(case["nu_theta"] == NU_THETA)
+    assert np.all(case["theta_m"] == THETA_M)
+    assert bending_study((0.0,), times=None).times is None
 
 
 def test_shape_space_at_ten_metres(short):

@@ -56,13 +56,19 @@ def test_install_line_runs_a_glide(tmp_path):
 
 
 def test_every_named_command_and_option_exists():
-    named = re.findall(r"`(jaxglide [a-z]+)[^`]*`", README)
-    assert set(named) >= {"jaxglide glide", "jaxglide shapes"}
-    for name in set(named):
+    lines = [line for block in blocks("sh") for line in re.split(r"\n| && ", block)]
+    texts = re.findall(r"`(jaxglide [a-z]+[^`]*)`", README)
+    texts += [line for line in lines if line.startswith("jaxglide ")]
+    named = {" ".join(text.split()[:2]) for text in texts}
+    assert named >= {"jaxglide glide", "jaxglide shapes", "jaxglide sweep"}
+    for name in named:
         done = command(f"{name} --help", ROOT)
         assert done.returncode == 0
-        for option in re.findall(rf"`{name} [^`]*?(--[a-z-]+)", README):
-            assert option in done.stdout
+        usage = done.stdout.split("\n\n")[0]
+        for text in texts:
+            if text.startswith(f"{name} "):
+                options = set(re.findall(r"--[a-z-]+", text)) - {"--help"}
+                assert options <= set(re.findall(r"--[a-z-]+", usage)), text
 
 
 def test_pictures_exist():

@@ -1,5 +1,6 @@
 """Studies, sweeps, stores: what is computed, kept, resumed and refused."""
 
+import contextlib
 import itertools
 import json
 import os
@@ -16,14 +17,17 @@ import xarray as xr
 import zarr
 
 from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
+from jaxglide import cluster as on_cluster
 from jaxglide import sweep as module
-from jaxglide.batch import solve, template
+from jaxglide.batch import _CPU_LANES, default_width, solve, template
+from jaxglide.cases import build, check_setup
+from jaxglide.parameters import PARAMETERS
 from jaxglide.store import Store, StoreError
 from jaxglide.study import Study
 from jaxglide.sweep import sweep
 
 GRID = {"nu_theta": [1.2, 1.3, 1.4], "d_psi": [0.0, 10.0]}
-SHORT = {"fixed": {"height": 0.3}, "rtol": 1e-5, "atol": 1e-5}
+SHORT = {"fixed": {"height": 0.3}, "rtol": 1e-5, "atol": 1e-4}
 WIDTH = 2
 
 
@@ -58,13 +62,21 @@ def test_a_sweep_is_the_glides_it_names(study, plain):
             ),
             Launch(0.3),
             rtol=1e-5,
-            atol=1e-5,
+            atol=1e-4,
         )
     )
     for nu, d in itertools.product(*GRID.values()):
         glide, entry = fly(nu, d), plain.sel(nu_theta=nu, d_psi=d)
         np.testing.assert_allclose(entry.landing_point, glide.landing_point, atol=1e-7)
-        np.testing.assert_allclose(entry.end_angles, np.rad2deg(glide.end_angles), atol=1e-5)
+        launched = glide.take_off
+        for name, angles in (
+            ("end_angles", glide.end_angles),
+            ("max_angles", glide.max_angles),
+            ("glide_angle", glide.glide_angle),
+            ("launch_angles", launched.angles),
+        ):
+            np.testing.assert_allclose(entry[name], np.rad2deg(angles), atol=1e-5)
+        np.testing.assert_allclose(entry.launch_phase, launched.phi_theta, atol=1e-9)
         assert entry.outcome == glide.outcome
         assert entry.accepted == glide.accepted
 
@@ -82,19 +94,21 @@ def test_units_and_settings_are_recorded(study, plain):
 
 def test_a_list_of_cases_and_trajectories(tmp_path):
     study = Study(
-        cases={"f_theta": [0.0, 1.2, 1.2], "height": [0.2, 0.3, 0.2]},
+        cases={"f_theta": [1.2, 0.0, 1.2], "height": [0.3, 0.2, 0.2]},
         times=[0.0, 0.1, 0.22],
         rtol=1e-5,
         atol=1e-5,
     )
+    assert list(study.order()) == [1, 2, 0]  # not its own inverse
     data = sweep(study, width=2, progress=False)
     assert data.position.dims == ("case", "sample", "axis")
-    np.testing.assert_allclose(data.position.sel(axis="z", sample=0.0), [0.2, 0.3, 0.2])
+    np.testing.assert_allclose(data.position.sel(axis="z", sample=0.0), data.height)
     np.testing.assert_allclose(data.position.sel(axis="z").isel(sample=1), 
                                data.height - 0.5 * 9.81 * 0.01, atol=0.01)  # fmt: skip
+    np.testing.assert_allclose(data.angles.sel(sample=0.0), data.launch_angles)
     # 0.2 m are fallen in about 0.2 s: nothing after the end
-    assert np.isnan(data.position.sel(axis="z").isel(sample=2, case=0))
-    assert np.isfinite(data.position.sel(axis="z").isel(sample=2, case=1))
+    assert np.isnan(data.position.sel(axis="z").isel(sample=2, case=1))
+    assert np.isfinite(data.position.sel(axis="z").isel(sample=2, case=0))
     data.to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "t.nc", engine="h5netcdf") as back:
         xr.testing.assert_identical(back.load(), data)
@@ -160,6 +174,23 @@ def test_a_wrong_or_damaged_store_is_refused(study, tmp_path, monkeypatch, chang
     with pytest.raises(StoreError, match=r"s\.zarr"):
         sweep(other, folder, width=WIDTH, progress=False)
     assert files(folder) == before
+
+
+def test_damage_to_any_result_is_noticed(study, tmp_path):
+    kept = Store(tmp_path / "s.zarr", study, WIDTH, template(study))
+    values = solve(study, study.order()[:WIDTH], WIDTH)
+    for name in values:
+        kept.write(0, values)
+        assert list(kept.finished()) == [True, False, False]
+        kept.group[name][1] = values[name][1] + 1
+        with pytest.raises(StoreError, match="chunk 0 does not match"):
+            kept.finished()
+
+
+def test_a_store_of_another_width_is_refused(study, tmp_path):
+    Store(tmp_path / "s.zarr", study, WIDTH, template(study))
+    with pytest.raises(StoreError, match="made with width 2, this is 3"):
+        sweep(study, tmp_path / "s.zarr", width=3, progress=False)
 
 
 def test_a_full_disk_is_said_and_finished_chunks_stay(study, plain, tmp_path, monkeypatch):
@@ -241,6 +272,55 @@ def test_studies_from_files(tmp_path):
     assert json.loads(study.to_json())["rtol"] == 1e-7
 
 
+def test_every_part_of_a_study_is_kept_and_counts():
+    base = {"grid": GRID, **SHORT, "times": [0.1]}
+    changes = (
+        {"grid": {**GRID, "d_psi": [0.0, 11.0]}},
+        {"grid": dict(reversed(GRID.items()))},
+        {"fixed": {"height": 0.4}},
+        {"setup": {"polar": "smooth"}},
+        {"setup": {"nodes": 71}},
+        {"rtol": 2e-5},
+        {"atol": 2e-5},
+        {"max_time": 30.0},
+        {"max_steps": 500},
+        {"times": [0.2]},
+    )
+    studies = [Study(**(base | change)) for change in ({}, *changes)]
+    assert len({study.fingerprint for study in studies}) == len(studies)
+    for study in studies:
+        assert Study.from_json(study.to_json()).to_json() == study.to_json()
+
+
+def test_limits_reach_the_solver(monkeypatch):
+    given = {}
+
+    def fly(*arguments, **options):
+        given.update(options)
+        return simulate(*arguments, **options)
+
+    monkeypatch.setattr("jaxglide.batch.simulate", fly)
+    template(Study(GRID, max_time=7.0, max_steps=77, times=[0.1]))
+    assert (given["max_time"], given["max_steps"], given["times"]) == (7.0, 77, (0.1,))
+
+
+def test_every_parameter_reaches_its_place():
+    case = {"nu_theta": 1.1, "theta_m": 80.0, "psi_m": 21.0, "d_psi": 11.0, "d_theta": 12.0,
+            "f_theta": 1.3, "svl": 0.6, "mass": 0.03, "neck_fraction": 0.09, "height": 9.0,
+            "speed": 2.0, "lift_scale": 1.5, "drag_scale": 0.5, "gravity": 9.0,
+            "air_density": 1.2, "kinematic_viscosity": 1.7e-5}  # fmt: skip
+    assert set(case) == set(PARAMETERS)
+    glider, launch = build(case, check_setup({}))
+    found = {}
+    for part in (glider.snake, glider.gait, glider.polar, glider.environment, launch):
+        found |= vars(part)
+    for name in ("theta_m", "psi_m", "d_psi", "d_theta"):
+        found[name] = np.rad2deg(found[name])
+    found["svl"] = found["length"]
+    for name, value in case.items():
+        assert float(found[name]) == pytest.approx(value), name
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -271,6 +351,75 @@ def test_a_batch_is_filled_up_without_changing_results(study, plain):
     np.testing.assert_allclose(uneven.landing_point, plain.landing_point, atol=1e-9)
 
 
+@pytest.mark.skipif(jax.default_backend() != "cpu", reason="about CPU cores")
+@pytest.mark.parametrize("count", [1, 24, 25, 100, 1000])
+def test_default_batches_are_few_and_equal(count):
+    devices = len(jax.local_devices())
+    width = default_width(Study({"nu_theta": np.linspace(1, 1.5, count)}))
+    batches = -(-count // width)
+    assert batches == -(-count // (_CPU_LANES * devices))
+    assert 0 <= width * batches - count < batches * devices
+
+
+def test_lanes_come_back_in_order_from_several_devices():
+    """Also where the cases or the lanes do not divide evenly among the devices."""
+    program = """
+import jax, numpy as np
+jax.config.update("jax_num_cpu_devices", 3)
+from jaxglide.batch import spread
+devices = tuple(jax.devices("cpu"))
+assert len(devices) == 3
+run = spread(lambda case, shift: {"y": case["x"] + shift}, devices, 1)
+for count, width in ((6, 6), (5, 6), (4, 4), (9, 9), (1, 7)):
+    x = np.arange(count, dtype="float32")
+    np.testing.assert_array_equal(run({"x": x}, width, 10.0)["y"], x + 10)
+"""
+    environment = {**os.environ, "JAX_PLATFORMS": "cpu"}
+    subprocess.run([sys.executable, "-c", program], env=environment, check=True)
+
+
+def numbered(study, index, width):
+    """Stands in for `solve`: the number of every case as its time, at once."""
+    empty = {n: np.zeros((len(index), *v.shape), v.dtype) for n, v in template(study).items()}
+    return empty | {"time": np.asarray(index, float)}
+
+
+def test_progress_counts_glides(tmp_path, monkeypatch):
+    """Seven in batches of three, one batch done before: the last batch has one glide."""
+    study = Study({"nu_theta": np.linspace(1, 1.5, 7)}, **SHORT)
+    Store(tmp_path / "s.zarr", study, 3, template(study)).write(
+        0, numbered(study, study.order()[:3], 3)
+    )
+    seen = []
+
+    class Bar(contextlib.nullcontext):
+        def __enter__(self):
+            return self
+
+        def update(self, count):
+            seen.append(count)
+
+    def begin(total, unit, show, done):
+        seen.append((total, unit, done))
+        return Bar()
+
+    monkeypatch.setattr(module, "progress_bar", begin)
+    monkeypatch.setattr(module, "solve", numbered)
+    data = sweep(study, tmp_path / "s.zarr", width=3)
+    assert seen == [(7, "glide", 3), 3, 1]
+    np.testing.assert_array_equal(data.time, np.arange(7))
+
+
+def test_a_worker_flies_the_batch_it_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("jaxglide.batch.solve", numbered)
+    study = Study({"height": [0.4, 0.2, 0.3]})
+    kept = Store(tmp_path / "s.zarr", study, 2, template(study))
+    for chunk in (1, 0):
+        told = study.to_json(), str(tmp_path / "s.zarr"), 2, chunk, True
+        assert on_cluster._task(*told) == chunk
+    np.testing.assert_array_equal(kept.read()["time"], [1, 2, 0])
+
+
 def test_a_cluster_survives_the_loss_of_a_worker(tmp_path):
     """Two real worker processes, one killed in the middle; the store is complete."""
     distributed = pytest.importorskip("distributed")
@@ -299,7 +448,7 @@ def test_a_cluster_survives_the_loss_of_a_worker(tmp_path):
                     os.kill(pids[0], signal.SIGKILL)
 
         patch = pytest.MonkeyPatch()
-        patch.setattr(module, "_progress", lambda *_: Killer())
+        patch.setattr(module, "progress_bar", lambda *_: Killer())
         with patch.context():
             data = sweep(study, tmp_path / "c.zarr", width=WIDTH, cluster=client)
         patch.undo()

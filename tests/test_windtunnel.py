@@ -233,6 +233,14 @@ def test_a_long_held_glide_comes_to_the_stable_equilibrium(glider):
     np.testing.assert_allclose(fallen.state[2:], steady.velocity, atol=0.02)
 
 
+def test_of_several_equilibria_the_stable_shallow_one_is_given(glider):
+    """At 7 degrees nose up there are five, from 25 degrees (stable) to 147."""
+    steady = equilibrium(glider, np.deg2rad((0.0, 7.0, 0.0)))
+    assert bool(steady.stable)
+    assert 23 < np.rad2deg(float(steady.glide_angle)) < 27
+    assert not bool(equilibrium(glider, np.deg2rad((0.0, 20.0, 0.0))).found)  # only backwards
+
+
 def test_without_air_there_is_no_equilibrium(glider):
     bare = eqx.tree_at(lambda g: g.polar, glider, Polar.smooth(0.0, 0.0))
     steady = equilibrium(bare)

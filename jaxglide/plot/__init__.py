@@ -8,17 +8,37 @@ object-oriented interface: no window opens and no global state changes; save one
 from ._style import style
 from .atlas import stable_atlas
 from .bending import bending_grid
+from .coefficients import force_coefficients, glide_polar_figure, morphology
 from .glide import angles, glide_overview, side_view, top_view
 from .shapes import region_outlines, shape_heatmaps
+from .trim import trim_curve
+from .windtunnel import (
+    bending_moments,
+    landing_against_moment,
+    moment_by_bend,
+    moment_by_shape,
+    moment_ratio,
+    moments_in_time,
+)
 
 __all__ = [
     "angles",
     "bending_grid",
+    "bending_moments",
+    "force_coefficients",
     "glide_overview",
+    "glide_polar_figure",
+    "landing_against_moment",
+    "moment_by_bend",
+    "moment_by_shape",
+    "moment_ratio",
+    "moments_in_time",
+    "morphology",
     "region_outlines",
     "shape_heatmaps",
     "side_view",
     "stable_atlas",
     "style",
     "top_view",
+    "trim_curve",
 ]

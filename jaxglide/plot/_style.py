@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 
 COLUMN_WIDTH = 90.0
 """Width of a figure that fills one column of a journal page [mm]."""
+PAGE_WIDTH = 180.0
+"""Width of a figure that fills both."""
 
 # Okabe and Ito's colours, distinct under every common kind of colour blindness.
 YAW, PITCH, ROLL = "#0072B2", "#D55E00", "#009E73"
@@ -78,3 +80,7 @@ def new_axes(height: float = 70.0) -> Axes:
     figure = new_figure(height=height)
     figure.set_layout_engine("constrained")
     return figure.add_subplot()
+
+
+def zero_line(ax: Axes, *, across: bool = False) -> None:
+    (ax.axvline if across else ax.axhline)(0.0, color="0.8", lw=0.6, zorder=0)

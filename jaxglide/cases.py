@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from ._checks import check_choice, check_integer, check_range
@@ -43,6 +44,14 @@ def check_setup(setup: Mapping[str, Any]) -> dict[str, Any]:
     return full
 
 
+def full_case(case: Mapping[str, Any]) -> dict[str, Any]:
+    """The case with defaults filled in; the amplitude on the shape line."""
+    given: dict[str, Any] = {name: p.default for name, p in PARAMETERS.items()} | dict(case)
+    if given["theta_m"] is None:
+        given["theta_m"] = shape_line(given["nu_theta"])
+    return given
+
+
 def build(case: Mapping[str, Any], setup: Mapping[str, Any]) -> tuple[Glider, Launch]:
     """The glider and launch of one case; may be traced.
 
@@ -50,9 +59,7 @@ def build(case: Mapping[str, Any], setup: Mapping[str, Any]) -> tuple[Glider, La
         case: values of `PARAMETERS` by name, in their units; the others take defaults.
         setup: "polar", "node_set" and "nodes", all given (see `check_setup`).
     """
-    given: dict[str, Any] = {name: p.default for name, p in PARAMETERS.items()} | dict(case)
-    if given["theta_m"] is None:
-        given["theta_m"] = shape_line(given["nu_theta"])
+    given = full_case(case)
     angles = {name: given[name] for name in ("theta_m", "psi_m", "d_psi", "d_theta")}
     gait = Gait.from_degrees(nu_theta=given["nu_theta"], f_theta=given["f_theta"], **angles)
     snake = Snake.from_svl(
@@ -65,7 +72,8 @@ def build(case: Mapping[str, Any], setup: Mapping[str, Any]) -> tuple[Glider, La
     polar = Polar.from_name(setup["polar"], given["lift_scale"], given["drag_scale"])
     air = (given[name] for name in ("gravity", "air_density", "kinematic_viscosity"))
     glider = Glider(snake, gait, polar, Environment(*air))
-    return glider, Launch(given["height"], given["speed"])
+    elevation = jnp.deg2rad(jnp.asarray(given["elevation"], float))
+    return glider, Launch(given["height"], given["speed"], elevation=elevation)
 
 
 def as_array(name: str, values: Any) -> np.ndarray:

@@ -27,16 +27,17 @@ _PUBLISHED_SPEED = 0.2409
 
 
 class Launch(eqx.Module):
-    """How the glide starts: horizontally, forward, without rotation.
+    """How the glide starts: forward, by default horizontally, without rotation.
 
     Args:
         height: height of the centre of mass above the ground [m], above 0.
-        speed: forward speed [m/s], 0 to 200; by default the published one, which grows
+        speed: launch speed [m/s], 0 to 200; by default the published one, which grows
             with the square root of wing loading (1.7534 m/s for the default snake).
         phi_theta: phase of the horizontal wave [rad]; by default the one that minimises
             the angular momentum of the shape change.
         angles: yaw, pitch, roll [rad], (3,), below 85 degrees; by default minus the mean
             attitude over a free undulation cycle.
+        elevation: of the launch velocity above the horizontal [rad], -pi/2 to pi/2.
 
     Raises:
         ValueError: a value is not finite or out of range.
@@ -46,9 +47,11 @@ class Launch(eqx.Module):
     speed: Scalar | None = eqx.field(converter=optional_number("speed"), default=None)
     phi_theta: Scalar | None = eqx.field(converter=optional_number("phi_theta"), default=None)
     angles: Vec3 | None = eqx.field(converter=optional_number("angles"), default=None)
+    elevation: Scalar = eqx.field(converter=number("elevation"), default=0.0)
 
     def __check_init__(self):
         check_range("height", self.height, "m", 0, 1e5, low_open=True)
+        check_range("elevation", self.elevation, "rad", -np.pi / 2, np.pi / 2)
         if self.speed is not None:
             check_range("speed", self.speed, "m/s", 0, 200)
         if self.phi_theta is not None:
@@ -70,7 +73,7 @@ class TakeOff(eqx.Module):
     Attributes:
         phi_theta: launch phase of the horizontal wave [rad].
         angles: yaw, pitch, roll [rad], (3,).
-        speed: forward speed [m/s].
+        speed: launch speed [m/s].
         state: the 13 numbers of the state at t = 0 (see `dynamics`).
     """
 
@@ -255,6 +258,7 @@ def take_off(
         speed = published_speed(glider, sections)
     zero = jnp.zeros_like(angles)
     position = zero.at[2].set(launch.height)
-    velocity = zero.at[1].set(speed)
+    sine, cosine = sincos(launch.elevation)
+    velocity = zero.at[1].set(speed * cosine).at[2].set(speed * sine)
     state = jnp.concatenate([position, velocity, zero, angles, zero[:1]])
     return TakeOff(phi_theta, angles, speed, state)

@@ -39,6 +39,7 @@ PARAMETERS: dict[str, Parameter] = {
     "neck_fraction": Parameter("", PUBLISHED_NECK, "end of the neck, of SVL", 0, 0.5, True),
     "height": Parameter("m", 10.0, "launch height", 0, 1e5, True),
     "speed": Parameter("m/s", None, "launch speed (from wing loading)", 0, 200),
+    "elevation": Parameter("deg", 0.0, "launch direction above the horizontal", -90, 90),
     "lift_scale": Parameter("", 1.0, "multiplier on the lift coefficient", 0, 100),
     "drag_scale": Parameter("", 1.0, "multiplier on the drag coefficient", 0, 100),
     "gravity": Parameter("m/s^2", 9.81, "gravitational acceleration", 0, 100),
@@ -63,3 +64,16 @@ CHOICES: dict[str, tuple[str, ...]] = {
 
 NODES = {"published": 70, "gauss": 60}
 """Default number of nodes by node set."""
+
+OBJECTIVES = (
+    "landing_distance",
+    "path_length",
+    "glide_ratio",
+    "sink_rate",
+    "glide_angle",
+    "stability_margin",
+    "squared_pitch_moment",
+    "curvature",
+    "undulation_power",
+)
+"""Names of the objectives in `objectives`."""

@@ -18,7 +18,7 @@ import optimistix as optx
 
 from ._checks import check_integer, check_range, number
 from ._modes import either_mode
-from ._numerics import cross
+from ._numerics import cross, sincos
 from ._types import Array, Float, Integer, Scalar, Vec3
 from .dynamics import ANGLES, VELOCITY, Elements, Flight, Glider, elements
 from .glide import Outcome
@@ -238,7 +238,8 @@ def _fall(glider, launch, angles, tolerances, interval, *, adjoint, phases, samp
     sections = discretise(glider.snake)
     term = diffrax.ODETerm(_translation(Tunnel(glider, sections, angles, phases)))  # type: ignore
     speed = published_speed(glider, sections) if launch.speed is None else launch.speed
-    start = jnp.stack([0 * speed, launch.height + 0 * speed, speed, 0 * speed])
+    sine, cosine = sincos(launch.elevation)
+    start = jnp.stack([0 * speed, launch.height + 0 * speed, speed * cosine, speed * sine])
     times = interval * jnp.arange(samples)
     rtol, atol = tolerances
     finder = optx.Bisection(*_GROUND[start.dtype.itemsize], flip=True)
@@ -338,7 +339,7 @@ def fall(
 
     Args:
         glider: what falls.
-        launch: height and forward speed (its phase and angles are not used); by default
+        launch: height and velocity (its phase and angles are not used); by default
             the published 10 m and 1.7 m/s.
         angles: held yaw, pitch, roll [rad], (3,), below 85 degrees.
         phases: number of phases over which the force is averaged.

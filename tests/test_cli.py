@@ -348,3 +348,70 @@ def test_shapes_options_reach_the_study(capsys, monkeypatch):
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_pictures_may_be_png_pdf_or_svg(tmp_path, suffix):
     check_error(["--nodes=7", f"--plot={tmp_path}/glide.{suffix}"], "nodes")
+
+
+THROW = ("--free", "elevation", "--fix", "lift_scale=0", "--fix", "drag_scale=0", "--fix")
+THROW += ("speed=6", "--fix", "height=2", "--nodes", "20")
+
+
+def thrown(degrees):
+    """Distance [m] of a body thrown at 6 m/s from 2 m."""
+    a = np.deg2rad(degrees)
+    up = 6 * np.sin(a)
+    return 6 * np.cos(a) * (up + np.sqrt(up**2 + 4 * 9.81)) / 9.81
+
+
+def test_gradient_is_the_closed_form_and_shows_its_check(capsys):
+    code, out, err = run(capsys, "gradient", *THROW, "--fix", "elevation=20", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    expected = (thrown(20 + 1e-4) - thrown(20 - 1e-4)) / 2e-4
+    row = found["gradient"]["elevation"]
+    assert found["value"] == pytest.approx(thrown(20), rel=1e-9)
+    assert row["at"] == 20
+    assert row["unit"] == "deg"
+    assert row["gradient"] == pytest.approx(expected, rel=1e-6)
+    assert row["difference"] == pytest.approx(expected, rel=1e-6)
+    code, _, err = run(capsys, "gradient", "--free", "mass")
+    assert code == 2
+    assert "mass follows from other parameters" in err
+
+
+def test_optimise_finds_the_best_throw(capsys, tmp_path):
+    save, plot, log = tmp_path / "o.nc", tmp_path / "o.png", tmp_path / "o.jsonl"
+    options = ("optimise", *THROW, "--bounds", "elevation=10:60", "--margin", "none")
+    options += ("--starts", "2", "--steps", "25", "--log", str(log))
+    code, out, err = run(capsys, *options, "--save", str(save), "--plot", str(plot))
+    assert (code, err) == (0, "")
+    assert "elevation (deg)" in out
+    assert "landing_distance" in out
+    assert "at 1e-9" in out
+    for ending in ("", "_glides"):
+        assert (tmp_path / f"o{ending}.png").stat().st_size > 5_000
+    with xr.open_dataset(save, engine="h5netcdf") as data:
+        assert data.attrs["seed"] == 0
+        assert data.sizes["start"] == 2
+    code, out, _ = run(capsys, *options, "--json")  # from the log: nothing is flown again
+    found = json.loads(out)
+    best = np.rad2deg(np.arctan(6 / np.sqrt(36 + 4 * 9.81)))
+    assert found["best"]["elevation"] == pytest.approx(best, abs=1.0)
+    assert found["value"] == pytest.approx(thrown(best), rel=1e-3)
+    assert found["feasible"] is True
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--bounds", "d_psi"), "'d_psi' is not NAME=LOW:HIGH"),
+        (("--bounds", "psi_m=1:2"), "--bounds psi_m: it is not free"),
+        (("--free", "speed"), "give --bounds of speed"),
+        (("--margin", "much"), "--margin 'much' is not a number"),
+        (("--fix", "height"), "--fix 'height' is not NAME=VALUE"),
+        (("--fix", "height=-1"), "height = -1 m is not allowed"),
+        (("--starts", "0"), "starts = 0 is not allowed"),
+    ],
+)
+def test_optimise_names_what_is_wrong(capsys, options, message):
+    code, out, err = run(capsys, "optimise", *options)
+    assert (code, out) == (2, "")
+    assert message in err

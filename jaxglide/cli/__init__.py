@@ -4,13 +4,13 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from . import figure, glide, shapes, sweep, trim, windtunnel
+from . import figure, glide, gradient, optimise, shapes, sweep, trim, windtunnel
 from ._options import UsageError, check_output
 from ._setup import configure
 
 __all__ = ["configure", "main"]
 
-COMMANDS = (glide, shapes, sweep, windtunnel, trim, figure)
+COMMANDS = (glide, shapes, sweep, windtunnel, trim, gradient, optimise, figure)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -4,7 +4,7 @@ import argparse
 import os
 from pathlib import Path
 
-from ..parameters import CHOICES, PARAMETERS
+from ..parameters import CHOICES, OBJECTIVES, PARAMETERS
 
 
 class UsageError(Exception):
@@ -49,7 +49,7 @@ def add_output(parser: argparse.ArgumentParser, save: bool = True, plot: bool = 
 _GROUPS = {
     "gait": ("nu_theta", "theta_m", "psi_m", "d_psi", "d_theta", "f_theta"),
     "snake": ("svl", "mass", "neck_fraction"),
-    "launch": ("height", "speed"),
+    "launch": ("height", "speed", "elevation"),
     "air": ("lift_scale", "drag_scale", "gravity", "air_density", "kinematic_viscosity"),
 }
 
@@ -76,6 +76,30 @@ def add_glider(parser: argparse.ArgumentParser, **defaults: str) -> None:
                 help=f"{p.meaning}{unit}{default}",
             )
     add_setup(parser, **defaults)
+
+
+def add_objective(parser: argparse.ArgumentParser) -> None:
+    """The objective, the free parameters and the fixed ones."""
+    group = parser.add_argument_group("problem")
+    group.add_argument(
+        "--objective", choices=OBJECTIVES, default="landing_distance", help="(landing_distance)"
+    )
+    text = "parameters, separated by commas (theta_m,nu_theta,d_psi)"
+    group.add_argument("--free", default="theta_m,nu_theta,d_psi", metavar="NAMES", help=text)
+    text = "another parameter's value; may be repeated"
+    group.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help=text)
+
+
+def fixed_of(args) -> dict[str, float]:
+    """Values given with --fix, by name."""
+    fixed = {}
+    for text in args.fix:
+        name, _, value = text.partition("=")
+        try:
+            fixed[name] = float(value)
+        except ValueError:
+            raise UsageError(f"--fix {text!r} is not NAME=VALUE") from None
+    return fixed
 
 
 def case_of(args) -> dict[str, float]:
@@ -123,8 +147,10 @@ def check_output(args) -> None:
 def write(data, figure, args) -> None:
     if args.save is not None:
         data().to_netcdf(args.save, engine="h5netcdf")
-    if args.plot is not None:
-        figure().savefig(args.plot, dpi=200)
-    for path in (args.save, args.plot):
+    drawn = None
+    if args.plot is not None and figure is not None:
+        drawn = args.plot
+        figure().savefig(drawn, dpi=200)
+    for path in (args.save, drawn):
         if path is not None and not args.json:
             print(f"wrote {path}")

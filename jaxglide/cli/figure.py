@@ -15,6 +15,11 @@ _FIGURES = {
     "glide-polar": "glide_polar.py",
     "force-coefficients": "force_coefficients.py",
     "atlas": "atlas.py",
+    "sensitivity": "sensitivity.py",
+    "optimal-gaits": "optimal_gaits.py",
+    "trim-and-distance": "trim_and_distance.py",
+    "robustness": "robustness.py",
+    "search-cost": "search_cost.py",
 }
 
 

@@ -82,9 +82,8 @@ def _run(args) -> int:
     if not found.found:
         print(f"no trim: the moment does not change sign between {low:g} and {high:g} {unit}")
         return 1
-    print(
-        f"trim at {name} = {value:.6f} {unit}, where {1e3 * float(found.moment):+.1e} N mm are left"
-    )
+    left = 1e3 * float(found.moment)
+    print(f"trim at {name} = {value:.6f} {unit}, where {left:+.1e} N mm are left")
     if found.crossings > 1:
         print(f"the moment changes sign {int(found.crossings)} times: this is the lowest")
     return 0

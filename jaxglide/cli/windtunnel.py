@@ -136,9 +136,8 @@ def _run(args) -> int:
     else:
         print("  steady glide     none found")
     print(f"Moments there over {args.phases} phases (N mm)")
-    print(
-        f"{'':8}{'mean':>9}{'lowest':>9}{'highest':>9}{'p-p':>9}{'inertial p-p':>14}{'ratio':>8}"
-    )
+    heads = "".join(f"{head:>9}" for head in ("mean", "lowest", "highest", "p-p"))
+    print(f"{'':8}{heads}{'inertial p-p':>14}{'ratio':>8}")
     for i, turn in enumerate(ABOUT):
         values = (air.mean, air.lowest, air.highest, air.peak_to_peak)
         cells = "".join(f"{1e3 * float(v[i]):9.4f}" for v in values)

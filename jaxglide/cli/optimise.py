@@ -1,0 +1,164 @@
+"""`jaxglide optimise`."""
+
+import json
+from pathlib import Path
+
+from ..parameters import OBSERVED, PARAMETERS
+from ._options import (
+    UsageError,
+    a_number,
+    add_objective,
+    add_output,
+    add_setup,
+    fixed_of,
+    setup_of,
+    whole,
+    write,
+)
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "optimise",
+        help="search for the best gait by gradients",
+        description="Make an objective as good as it can be, from many starts at once, under a "
+        "margin of stability. Ctrl-C ends with the best so far.",
+        epilog="Example: jaxglide optimise --free theta_m,nu_theta,d_psi --bounds "
+        "d_psi=-10:40 --log best.jsonl --save best.nc --plot best.png",
+    )
+    add_objective(parser)
+    group = parser.add_argument_group("search")
+    group.add_argument(
+        "--bounds",
+        action="append",
+        default=[],
+        metavar="NAME=LOW:HIGH",
+        help="bounds of a free parameter (the observed range)",
+    )
+    text = "least margin to 85 degrees in yaw, pitch and roll [deg] (10); 'none' for none"
+    group.add_argument("--margin", default="10", metavar="X", help=text)
+    group.add_argument("--starts", type=whole, default=64, metavar="N", help="starts (64)")
+    group.add_argument("--steps", type=whole, default=100, metavar="N", help="most steps (100)")
+    group.add_argument("--optimiser", choices=("adam", "lbfgs"), default="adam", help="(adam)")
+    group.add_argument("--seed", type=whole, default=0, metavar="N", help="of the starts (0)")
+    text = "keep evaluations here; the same command goes on from them"
+    group.add_argument("--log", type=Path, metavar="FILE", help=text)
+    group.add_argument("--rtol", type=a_number, default=1e-7, help="tolerance of a step (1e-7)")
+    add_setup(parser, polar="smooth", node_set="gauss")
+    add_output(parser)
+    parser.set_defaults(run=_run)
+
+
+def _bounds(args) -> dict[str, tuple[float, float]]:
+    """Bounds by name of the free parameters."""
+    given = {}
+    for text in args.bounds:
+        name, _, ends = text.partition("=")
+        try:
+            low, high = map(float, ends.split(":"))
+        except ValueError:
+            raise UsageError(f"{text!r} is not NAME=LOW:HIGH") from None
+        given[name] = low, high
+    names = args.free.split(",")
+    for name in given:
+        if name not in names:
+            raise UsageError(f"--bounds {name}: it is not free")
+    for name in names:
+        if name not in given and name not in OBSERVED:
+            raise UsageError(f"give --bounds of {name}")
+    return {name: given.get(name, OBSERVED.get(name, (0.0, 0.0))) for name in names}
+
+
+def _pictures(args, problem, found) -> list[Path]:
+    """Convergence, paths of the starts, and the best glide beside the published one."""
+    from ..cases import build
+    from ..glide import simulate
+    from ..plot import before_and_after, convergence, paths
+
+    def fly(case):
+        return simulate(*build(case, problem.setup), dense=True)
+
+    fixed = {name: x for name, x in problem.fixed.items() if name in ("height", "speed")}
+    figures = {"": convergence(found.history)}
+    if len(problem.names) > 1:
+        figures["_paths"] = paths(found.history)
+    best = fly({**problem.fixed, **found.best})
+    figures["_glides"] = before_and_after(fly(fixed), best, ("published", "best"))
+    written = []
+    for ending, figure in figures.items():
+        path = args.plot.with_stem(args.plot.stem + ending)
+        figure.savefig(path, dpi=200)
+        written.append(path)
+    return written
+
+
+def _run(args) -> int:
+    from ..objectives import OBJECTIVES, stability_margin
+    from ..optimise import Status, optimise, verify
+    from ..problem import Problem
+
+    try:
+        margin = None if args.margin == "none" else float(args.margin)
+    except ValueError:
+        raise UsageError(f"--margin {args.margin!r} is not a number nor 'none'") from None
+    constraints = () if margin is None else (stability_margin.at_least(margin, scale=10.0),)
+    problem = Problem(
+        OBJECTIVES[args.objective].wanted,
+        _bounds(args),
+        constraints,
+        fixed=fixed_of(args),
+        setup=setup_of(args),
+        rtol=args.rtol,
+        atol=args.rtol,
+    )
+    found = optimise(
+        problem,
+        starts=args.starts,
+        steps=args.steps,
+        optimiser=args.optimiser,
+        seed=args.seed,
+        log=args.log,
+    )
+
+    write(lambda: found.history, None, args)
+    if args.plot is not None and found.feasible:
+        for path in _pictures(args, problem, found):
+            if not args.json:
+                print(f"wrote {path}")
+    checked = verify(problem, found.best) if found.feasible else None
+    sense = OBJECTIVES[args.objective].sense
+    order = found.history.best_value.values.argsort()[::-1]
+    if args.json:
+        result = {
+            "objective": args.objective,
+            "value": sense * found.value,
+            "feasible": found.feasible,
+            "best": found.best,
+            "slacks": found.slacks.tolist(),
+            "reason": found.reason,
+            "gradients": found.evaluations,
+            "not_finite": found.skipped,
+            "status": {str(s): int((found.status == s).sum()) for s in Status},
+        }
+        if checked is not None:
+            result["value_at_1e-9"] = sense * checked.value
+            result["gain_nearby"] = checked.gain
+        print(json.dumps(result))
+        return int(not found.feasible)
+    unit = OBJECTIVES[args.objective].unit
+    heads = [f"{args.objective} ({unit})" if unit else args.objective]
+    heads += [f"{n} ({PARAMETERS[n].unit})" if PARAMETERS[n].unit else n for n in problem.names]
+    print("  ".join(f"{head:>18}" for head in (*heads, "start")))
+    for k in order[:10]:
+        cells = (sense * found.values[k], *found.points[k])
+        row = "  ".join(f"{value:18.4f}" for value in cells)
+        print(f"{row}  {Status(int(found.status[k]))!s:>18}")
+    print(found)
+    if checked is not None:
+        print(
+            f"  at 1e-9 {sense * checked.value:.6g} {unit}; of {checked.samples} gaits nearby "
+            f"the best is {100 * checked.gain:+.3f} % better"
+        )
+    print(f"  {found.evaluations} gradients, {found.skipped} not finite")
+    return int(not found.feasible)

@@ -1,0 +1,194 @@
+"""Objectives: closed forms, continuation past a tumble, algebra, one glide for all."""
+
+from types import SimpleNamespace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, objectives, parameters
+from jaxglide.cases import build, check_setup
+from jaxglide.objectives import (
+    OBJECTIVES,
+    Trial,
+    curvature,
+    evaluate,
+    glide_ratio,
+    landing_distance,
+    path_length,
+    sink_rate,
+    stability_margin,
+    undulation_power,
+    varied,
+)
+
+SETUP = check_setup({"polar": "smooth", "node_set": "gauss", "nodes": 40})
+
+
+def glider_of(**gait):
+    return Glider(Snake.from_svl(), Gait.from_degrees(**gait), Polar.smooth())
+
+
+def ended(outcome, height, velocity=(0.5, 3.0, -4.0), largest=(10.0, 30.0, 20.0)):
+    """A trial from 10 m whose glide, of 2 s, ended 5 m forward at some height."""
+    trial = Trial(glider_of(), Launch(10.0))
+    state = jnp.zeros(13).at[:3].set(jnp.array([0.0, 5.0, height]))
+    state = state.at[3:6].set(jnp.array(velocity)).at[12].set(5.5)
+    trial.__dict__["glide"] = SimpleNamespace(
+        outcome=jnp.asarray(int(outcome)),
+        time=jnp.asarray(2.0),
+        state=state,
+        path_length=state[12],
+        max_angles=jnp.deg2rad(jnp.array(largest)),
+    )
+    return trial
+
+
+def test_a_landing_is_judged_as_it_is():
+    trial = ended(Outcome.LANDED, 1e-13)
+    assert float(landing_distance.function(trial)) == 5.0
+    assert float(path_length.function(trial)) == 5.5
+    assert float(glide_ratio.function(trial)) == pytest.approx(0.55)
+    assert float(sink_rate.function(trial)) == 5.0
+    margin = float(stability_margin.function(trial))
+    assert 85 - 30 - 2.2 <= margin <= 85 - 30
+
+
+@pytest.mark.parametrize("v_z", [-4.0, 0.0, 3.0])
+def test_a_tumble_is_continued_by_the_parabola(v_z):
+    trial = ended(Outcome.UNSTABLE_PITCH, 6.0, (0.5, 3.0, v_z), (10.0, 85.0, 20.0))
+    drop = float(trial.drop_time)
+    assert drop > 0
+    assert 6.0 + v_z * drop - 9.81 * drop**2 / 2 == pytest.approx(0.0, abs=1e-12)
+    assert float(landing_distance.function(trial)) == pytest.approx(5.0 + 3.0 * drop)
+    assert float(path_length.function(trial)) == pytest.approx(5.5 + np.hypot(0.5, 3) * drop)
+    assert float(sink_rate.function(trial)) == pytest.approx(10.0 / (2.0 + drop))
+
+
+def test_nothing_jumps_where_a_tumble_comes_to_the_ground():
+    landed = ended(Outcome.LANDED, 0.0, largest=(10.0, 85.0, 20.0))
+    for name in ("landing_distance", "path_length", "sink_rate", "stability_margin"):
+        function = OBJECTIVES[name].function
+        gaps = [
+            abs(
+                float(function(ended(Outcome.UNSTABLE_PITCH, h, largest=(10.0, 85.0, 20.0))))
+                - float(function(landed))
+            )
+            for h in (1e-2, 1e-4)
+        ]
+        assert gaps[1] < 0.011 * gaps[0] < 0.011, name
+
+
+def test_the_margin_falls_with_the_height_left_and_has_a_slope_there():
+    def margin(height):
+        trial = ended(Outcome.UNSTABLE_PITCH, height, largest=(10.0, 85.0, 20.0))
+        return stability_margin.function(trial)
+
+    assert float(margin(8.0)) < float(margin(2.0)) < 1e-9
+    assert float(jax.grad(margin)(4.0)) == pytest.approx(-8.5)
+
+
+def test_curvature_of_an_arc():
+    """Without waves the body is an arc that turns d_psi over its length."""
+    arc = glider_of(theta_m=0.0, psi_m=0.0, d_psi=40.0, nu_theta=1.0)
+    assert float(curvature(arc)) == pytest.approx(np.deg2rad(40.0), rel=1e-9)
+
+
+def test_power_of_the_undulation_grows_with_the_cube_of_frequency():
+    slow, fast = (float(undulation_power(glider_of(f_theta=f))) for f in (1.0, 2.0))
+    assert slow > 0
+    assert fast == pytest.approx(8 * slow, rel=1e-9)
+    assert float(undulation_power(glider_of(f_theta=0.0))) == 0.0
+
+
+def test_algebra_of_objectives():
+    trial = ended(Outcome.LANDED, 0.0)
+    total = landing_distance - 0.5 * sink_rate
+    assert total.name == "landing_distance - 0.5 * sink_rate"
+    assert total.unit == "mixed"
+    assert float(total.function(trial)) == pytest.approx(5.0 - 2.5)
+    assert sink_rate.wanted.function(trial) == -5.0
+    assert sink_rate.wanted.sense == 1
+    assert landing_distance.wanted is landing_distance
+    at_least, at_most = landing_distance.at_least(3.0, 0.5), sink_rate.at_most(4.0)
+    assert str(at_least) == "landing_distance >= 3"
+    assert float(at_least.slack(trial)) == pytest.approx(4.0)
+    assert str(at_most) == "sink_rate <= 4"
+    assert float(at_most.slack(trial)) == pytest.approx(-1.0)
+
+
+def test_names_are_those_the_command_line_offers():
+    assert tuple(OBJECTIVES) == parameters.OBJECTIVES
+    for name, objective in OBJECTIVES.items():
+        assert objective.name == name
+
+
+def test_objectives_together_fly_once(monkeypatch):
+    count = []
+    flown = ended(Outcome.LANDED, 0.0).glide
+
+    def once(*_, **options):
+        count.append(options)
+        return flown
+
+    monkeypatch.setattr(objectives, "simulate", once)
+    values = evaluate([landing_distance, sink_rate], glider_of(), Launch(10.0), rtol=1e-5)
+    assert count == [{"rtol": 1e-5}]
+    np.testing.assert_allclose(values, [5.0, 5.0])
+
+
+def test_gradients_of_flown_objectives_against_differences():
+    """All that fly, with respect to amplitude and bend, by steps of fixed length."""
+    flown = [OBJECTIVES[n] for n in OBJECTIVES if n != "squared_pitch_moment"]
+
+    def values(x):
+        case = {"theta_m": x[0], "d_psi": x[1], "height": 2.0}
+        return evaluate(flown, *build(case, SETUP), step=2e-3)
+
+    both = jax.jit(lambda x: (values(x), jax.jacfwd(values)(x)))
+    here = jnp.array([96.5, 10.0])
+    _, jacobian = both(here)
+    for i, h in enumerate((1e-2, 1e-2)):
+        d = h * np.eye(2)[i]
+        near = both(here + d)[0] - both(here - d)[0]
+        far = both(here + 2 * d)[0] - both(here - 2 * d)[0]
+        expected = (8 * near - far) / (12 * h)
+        np.testing.assert_allclose(jacobian[:, i], expected, rtol=2e-5, atol=1e-9)
+
+
+def test_varied_objectives_are_means_and_worst_values():
+    case = {"height": 0.5}
+    pairs = [(0.9, 1.1), (1.1, 0.9)]
+    factors = {"lift_scale": [a for a, _ in pairs], "mass": [b for _, b in pairs]}
+
+    @jax.jit
+    def both(lift, mass):
+        glider, launch = build({**case, "lift_scale": lift, "mass": mass, "speed": 2.0}, SETUP)
+        trial = Trial(glider, launch)
+        mean = varied(landing_distance, factors).function(trial)
+        worst = varied(sink_rate, factors, "worst").function(trial)
+        return mean, worst, landing_distance.function(trial), sink_rate.function(trial)
+
+    mass = float(Snake.from_svl().mass)
+    mean, worst, _, _ = both(1.0, mass)
+    each = np.array([both(a, b * mass)[2:] for a, b in pairs])
+    assert float(mean) == pytest.approx(each[:, 0].mean(), abs=2e-5)
+    assert float(worst) == pytest.approx(each[:, 1].max(), abs=2e-4)
+    assert each[0, 0] != pytest.approx(each[1, 0], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: landing_distance.at_least(np.nan), "bound of landing_distance = nan m"),
+        (lambda: landing_distance.at_least(1, scale=0), "scale of landing_distance = 0"),
+        (lambda: varied(path_length, {"height": [1.0]}), "factors = 'height' is not one of"),
+        (lambda: varied(path_length, {"mass": [0.0]}), "factors of mass = 0"),
+        (lambda: varied(path_length, {"mass": [1.0], "speed": [1, 1]}), "one length"),
+        (lambda: varied(path_length, {"mass": [1.0]}, "best"), "how = 'best' is not one of"),
+    ],
+)
+def test_bad_input_is_named(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

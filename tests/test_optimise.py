@@ -1,0 +1,274 @@
+"""The optimiser: known optima, constraints, bounds, resuming, and a known flight."""
+
+import json
+import math
+
+import numpy as np
+import optax
+import pytest
+import xarray as xr
+
+from jaxglide.objectives import landing_distance, stability_margin
+from jaxglide.optimise import Status, optimise, verify
+from jaxglide.problem import Evaluation, Evaluator, Problem
+
+FREE = {"theta_m": (80.0, 120.0), "nu_theta": (1.0, 1.5)}
+
+
+class Made:
+    """Stands in for an `Evaluator`: values and gradients from closed forms.
+
+    In coordinates z of 0 to 1 over the bounds: objective -(z - a)^T A (z - a), and the slack
+    edge - z_0 - z_1 where a constraint is asked for.
+    """
+
+    A = np.array([[3.0, 1.0], [1.0, 2.0]])
+
+    def __init__(self, problem, centre, edge=None, hole=None, stop_at=None):
+        self.problem, self.centre, self.edge = problem, np.array(centre), edge
+        self.hole, self.stop_at, self.calls = hole, stop_at, 0
+
+    def __call__(self, points, rtol=None, atol=None):
+        if self.calls == self.stop_at:
+            raise KeyboardInterrupt
+        self.calls += 1
+        width = self.problem.high - self.problem.low
+        z = (points - self.problem.low) / width
+        away = z - self.centre
+        values = [-np.einsum("si,ij,sj->s", away, self.A, away)]
+        slopes = [-2 * away @ self.A / width]
+        if self.edge is not None:
+            values.append(self.edge - z.sum(axis=1))
+            slopes.append(np.broadcast_to(-1 / width, z.shape))
+        values, slopes = np.stack(values, axis=1), np.stack(slopes, axis=1)
+        if self.hole is not None:
+            inside = np.linalg.norm(z - self.hole, axis=1) < 0.1
+            values[inside] = np.nan
+        return Evaluation(values, slopes)
+
+
+def problem_of(*constraints):
+    return Problem(landing_distance, FREE, constraints)
+
+
+CONSTRAINED = problem_of(stability_margin.at_least(1.0))
+
+
+def place(problem, point):
+    return (np.array([point[n] for n in problem.names]) - problem.low) / (
+        problem.high - problem.low
+    )
+
+
+@pytest.mark.parametrize("optimiser", ["adam", "lbfgs", optax.sgd(1.0)])
+def test_an_optimum_inside_is_found(optimiser):
+    problem = problem_of()
+    made = Made(problem, (0.3, 0.6))
+    found = optimise(problem, starts=8, steps=200, optimiser=optimiser, evaluator=made)
+    np.testing.assert_allclose(place(problem, found.best), (0.3, 0.6), atol=5e-3)
+    assert found.value == pytest.approx(0, abs=1e-4)
+    assert found.feasible
+    assert (found.values > -0.01).all()
+
+
+def test_an_optimum_at_a_bound_is_found_and_said():
+    problem = problem_of()
+    found = optimise(problem, starts=8, steps=200, evaluator=Made(problem, (1.4, 0.5)))
+    # with z_0 = 1, d/dz_1 of the quadratic vanishes at z_1 = 0.5 + 0.4/2
+    np.testing.assert_allclose(place(problem, found.best), (1.0, 0.7), atol=5e-3)
+    assert "(at its bound)" in str(found)
+
+
+def test_an_optimum_under_a_constraint_is_found():
+    """Maximise the quadratic where z_0 + z_1 <= 0.5, by Lagrange's equations."""
+    made = Made(CONSTRAINED, (0.5, 0.6), edge=0.5)
+    found = optimise(CONSTRAINED, starts=8, steps=300, evaluator=made)
+    inverse = np.linalg.inv(2 * made.A)
+    one, centre = np.ones(2), np.array([0.5, 0.6])
+    multiplier = (centre.sum() - 0.5) / (one @ inverse @ one)
+    expected = centre - multiplier * inverse @ one
+    assert found.feasible
+    np.testing.assert_allclose(place(CONSTRAINED, found.best), expected, atol=0.01)
+    assert abs(float(found.slacks[0])) < 0.02
+    assert "stability_margin >= 1 is binding" in str(found)
+
+
+def test_what_cannot_be_met_is_said():
+    made = Made(CONSTRAINED, (0.5, 0.6), edge=-0.5)
+    found = optimise(CONSTRAINED, starts=4, steps=30, evaluator=made)
+    assert not found.feasible
+    assert (found.status == Status.INFEASIBLE).all()
+    assert "no start met the constraints" in found.reason
+    # least violation: the corner where z_0 + z_1 is least
+    assert place(CONSTRAINED, found.best).sum() < 0.2
+
+
+def test_steps_that_are_not_finite_are_skipped_and_counted():
+    problem = problem_of()
+    made = Made(problem, (0.3, 0.6), hole=np.array([0.6, 0.6]))
+    found = optimise(problem, starts=32, steps=200, evaluator=made)
+    assert found.skipped > 0
+    assert found.evaluations == int((~np.isnan(found.history.point.values[..., 0])).sum())
+    np.testing.assert_allclose(place(problem, found.best), (0.3, 0.6), atol=5e-3)
+
+
+def test_all_not_finite_is_said():
+    problem = problem_of()
+    made = Made(problem, (np.nan, 0.5))
+    found = optimise(problem, starts=3, steps=5, evaluator=made)
+    assert (found.status == Status.NOT_FINITE).all()
+    assert found.skipped == found.evaluations == 15
+    assert not found.feasible
+
+
+def test_ctrl_c_keeps_the_best_and_the_log_goes_on(tmp_path):
+    problem, log = problem_of(), tmp_path / "log.jsonl"
+    whole = optimise(problem, starts=4, steps=40, evaluator=Made(problem, (0.3, 0.6)))
+    cut = Made(problem, (0.3, 0.6), stop_at=7)
+    part = optimise(problem, starts=4, steps=40, evaluator=cut, log=log)
+    assert (part.status == Status.INTERRUPTED).all()
+    assert part.reason == "interrupted after 7 steps"
+    assert part.value == np.nanmax(whole.history.value.values[:7])
+    # killed in the middle of a line
+    log.write_text(log.read_text() + '{"starts": [0, 1')
+    rest = Made(problem, (0.3, 0.6))
+    again = optimise(problem, starts=4, steps=40, evaluator=rest, log=log)
+    assert rest.calls == again.history.sizes["step"] - 7
+    xr.testing.assert_identical(
+        again.history.drop_attrs(deep=False), whole.history.drop_attrs(deep=False)
+    )
+    assert again.best == whole.best
+    # and once more, computing nothing
+    none = Made(problem, (0.3, 0.6), stop_at=0)
+    assert optimise(problem, starts=4, steps=40, evaluator=none, log=log).best == whole.best
+
+
+def test_other_logs_and_damaged_ones_are_refused(tmp_path):
+    problem, log = problem_of(), tmp_path / "log.jsonl"
+    options = {"starts": 2, "steps": 3, "log": log}
+    optimise(problem, **options, evaluator=Made(problem, (0.3, 0.6)))
+    kept = log.read_text()
+    with pytest.raises(ValueError, match="log of another optimisation"):
+        optimise(problem, **options, seed=3, evaluator=Made(problem, (0.3, 0.6)))
+    lines = kept.split("\n")
+    log.write_text("\n".join([lines[0], lines[1][:30], *lines[2:]]))
+    with pytest.raises(ValueError, match="is damaged"):
+        optimise(problem, **options, evaluator=Made(problem, (0.3, 0.6)))
+    other = json.loads(lines[1])
+    other["starts"] = [1, 0]
+    log.write_text("\n".join([lines[0], json.dumps(other), *lines[2:]]))
+    with pytest.raises(ValueError, match="other starts at step 0"):
+        optimise(problem, **options, evaluator=Made(problem, (0.3, 0.6)))
+
+
+def test_the_history_is_labelled(tmp_path):
+    found = optimise(
+        CONSTRAINED, starts=4, steps=6, evaluator=Made(CONSTRAINED, (0.3, 0.4), 0.5)
+    )
+    data = found.history
+    assert dict(data.sizes) == {"step": 6, "start": 4, "parameter": 2}
+    assert data.parameter.values.tolist() == ["theta_m", "nu_theta"]
+    assert data.unit.values.tolist() == ["deg", "1"]
+    assert data.value.attrs == {"units": "m", "long_name": "landing_distance"}
+    assert json.loads(data.attrs["problem"])["constraints"] == [
+        "stability_margin >= 1 (scale 1)"
+    ]
+    inside = (data.point >= data.low) & (data.point <= data.high)
+    assert bool(inside.all())
+    assert len(np.unique(data.point.values[0], axis=0)) == 4
+    data.to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "h.nc", engine="h5netcdf") as back:
+        xr.testing.assert_identical(back.load(), data)
+
+
+# --- through the whole simulation ------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def thrown():
+    """Without air a body thrown at 6 m/s from 2 m: how far, by its elevation."""
+    fixed = {"lift_scale": 0.0, "drag_scale": 0.0, "speed": 6.0, "height": 2.0}
+    setup = {"polar": "smooth", "node_set": "gauss", "nodes": 20}
+    return Problem(landing_distance, {"elevation": (0.0, 80.0)}, fixed=fixed, setup=setup)
+
+
+@pytest.fixture(scope="module")
+def evaluator(thrown):
+    return Evaluator(thrown)
+
+
+def flown(degrees):
+    """Closed form of the distance [m] and its slope [m/deg]."""
+    a, v, g, h = np.deg2rad(degrees), 6.0, 9.81, 2.0
+
+    def distance(a):
+        up = v * np.sin(a)
+        return v * np.cos(a) * (up + np.sqrt(up**2 + 2 * g * h)) / g
+
+    step = 1e-5
+    return distance(a), np.deg2rad((distance(a + step) - distance(a - step)) / (2 * step))
+
+
+def test_values_and_gradients_of_many_flights_are_the_closed_forms(evaluator):
+    points = np.array([[5.0], [20.0], [35.0], [50.0], [70.0]])
+    found = evaluator(points)
+    expected = np.array([flown(x) for (x,) in points])
+    assert found.values.shape == (5, 1)
+    np.testing.assert_allclose(found.values[:, 0], expected[:, 0], rtol=1e-8)
+    np.testing.assert_allclose(found.gradients[:, 0, 0], expected[:, 1], rtol=1e-6, atol=1e-9)
+
+
+def test_the_best_elevation_of_a_throw(thrown, evaluator):
+    """tan(best) = v/sqrt(v^2 + 2 g h), through the whole simulation."""
+    found = optimise(thrown, starts=4, steps=60, evaluator=evaluator)
+    best = math.degrees(math.atan(6 / math.sqrt(36 + 2 * 9.81 * 2)))
+    assert found.best["elevation"] == pytest.approx(best, abs=0.5)
+    assert found.value == pytest.approx(flown(best)[0], rel=1e-4)
+    assert found.value <= flown(best)[0] * (1 + 1e-9)
+    checked = verify(thrown, found.best, samples=7, radius=0.05)
+    assert checked.value == pytest.approx(found.value, rel=1e-8)
+    assert checked.gain < 1e-3
+    # away from the optimum the neighbourhood says so
+    poor = verify(thrown, {"elevation": 10.0}, samples=7, radius=0.05)
+    assert poor.gain > 0.01
+    assert poor.nearby == pytest.approx(flown(poor.at[0])[0], rel=1e-8)
+
+
+# --- bad input -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (({},), "no parameter is free"),
+        ((("speed",),), "give bounds of 'speed'"),
+        (({"foo": (0, 1)},), "no parameter 'foo'"),
+        (({"theta_m": (100, 90)},), "bounds of theta_m are .* not lowest and highest"),
+        (({"theta_m": (100, 900)},), "theta_m = 900 deg"),
+    ],
+)
+def test_bad_problems_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Problem(landing_distance, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"starts": 0}, "starts = 0"),
+        ({"steps": 0}, "steps = 0"),
+        ({"optimiser": "newton"}, "optimiser = 'newton' is not one of adam, lbfgs"),
+        ({"rate": np.nan}, "rate = nan"),
+        ({"tolerance": -1.0}, "tolerance = -1"),
+        ({"patience": 0}, "patience = 0"),
+    ],
+)
+def test_bad_options_are_named(options, message):
+    problem = problem_of()
+    with pytest.raises(ValueError, match=message):
+        optimise(problem, evaluator=Made(problem, (0, 0)), **options)
+
+
+def test_fixed_and_free_do_not_mix():
+    with pytest.raises(ValueError, match="theta_m is both free and fixed"):
+        Problem(landing_distance, FREE, fixed={"theta_m": 90.0})

@@ -77,6 +77,7 @@ ARGUMENTS = [
     argument(Polar.smooth, "drag_scale", "", 0, 100),
     argument(Launch, "height", "m", 0, 1e5, low_open=True),
     argument(Launch, "speed", "m/s", 0, 200),
+    argument(Launch, "elevation", "rad", -np.pi / 2, np.pi / 2),
     argument(Launch, "phi_theta", "rad", -1e3, 1e3),
     Argument(
         lambda x: Launch(angles=[0.0, x, 0.0]),

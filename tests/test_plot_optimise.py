@@ -288,7 +288,10 @@ def test_before_and_after_are_the_two_glides(glides):
             curve = drawn(ax, name)[:-1, 1]
             np.testing.assert_allclose(curve, np.rad2deg(states[:-1, 9 + k]), atol=1e-6)
         (bodies,) = (c for c in side.collections if c.get_label() == f"body, {name}")
-        assert np.array(bodies.get_segments()).shape == (7, NODES, 2)
+        shapes = np.array(bodies.get_segments())
+        assert shapes.shape == (7, NODES, 2)
+        centres = np.asarray(glide.at(np.linspace(0.0, float(glide.time), 7)))[:, [1, 2]]
+        np.testing.assert_allclose(shapes.mean(axis=1), centres, atol=0.03)  # bodies of 0.2 m
         assert f"{name}, {float(glide.landing_point[1]):.2f} m" in words(figure)
     assert [ax.get_ylabel() for ax in turns] == ["yaw (°)", "pitch (°)", "roll (°)"]
 

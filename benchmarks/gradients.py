@@ -1,0 +1,97 @@
+"""What a gradient of the landing distance costs, in units of one glide.
+
+For 3, 5 and 12 parameters, forward and reverse, one glide and a batch of 64 on one core;
+and the memory of reverse mode over a glide from 75 m. Every row is a process of its own.
+"""
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+
+import numpy as np
+
+from timing import measure, report
+
+NAMES = ("theta_m", "nu_theta", "d_psi", "psi_m", "f_theta", "svl", "mass", "speed")
+NAMES += ("lift_scale", "drag_scale", "air_density", "gravity")
+AT = (96.5, 1.4, 10.0, 20.0, 1.2, 0.7, 0.038, 1.75, 1.0, 1.0, 1.165, 9.81)
+MODES = (("none", 3), ("forward", 3), ("forward", 5), ("forward", 12), ("reverse", 3))
+ROWS = [
+    {"mode": mode, "parameters": n, "batch": batch, "height": 10.0}
+    for batch in (1, 64)
+    for mode, n in (
+        ("none", 3),
+        ("forward", 3),
+        ("forward", 5),
+        ("forward", 12),
+        ("reverse", 3),
+    )
+]
+ROWS.append({"mode": "reverse", "parameters": 12, "batch": 1, "height": 10.0})
+ROWS.append({"mode": "reverse", "parameters": 12, "batch": 1, "height": 75.0})
+
+
+def run(row: dict) -> dict:
+    """Time one row in this process."""
+    import diffrax
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    import jax.numpy as jnp
+
+    from jaxglide.cases import build
+    from jaxglide.glide import simulate
+    from jaxglide.problem import SETUP, check_setup
+
+    setup, n = check_setup(SETUP), row["parameters"]
+    reverse = row["mode"] == "reverse"
+    adjoint = diffrax.RecursiveCheckpointAdjoint() if reverse else diffrax.ForwardMode()
+
+    def distance(x):
+        case = {**dict(zip(NAMES, x, strict=False)), "height": row["height"]}
+        options = {"rtol": 1e-7, "atol": 1e-7, "max_steps": 4096}
+        return simulate(*build(case, setup), adjoint=adjoint, **options).landing_point[1]
+
+    function = {
+        "none": distance,
+        "forward": lambda x: jax.jacfwd(lambda x: (distance(x),) * 2, has_aux=True)(x),
+        "reverse": jax.value_and_grad(distance),
+    }[row["mode"]]
+    spread = 1 + 0.01 * np.random.default_rng(0).uniform(-1, 1, (row["batch"], n))
+    points = jnp.asarray(np.array(AT[:n]) * spread)
+    one = row["batch"] == 1
+    compiled = jax.jit(function if one else jax.vmap(function))
+    found = measure(compiled, points[0] if one else points, repeats=9, inner=row["batch"])
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    first = {"first_s": found["first_s"], "peak_mib": peak}
+    return {**row, **first, "ms": 1e3 * found["median_s"]}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--row", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.row:
+        print(json.dumps(run(json.loads(given.row))))
+        return
+    rows = []
+    environment = {**os.environ, "JAX_PLATFORMS": "cpu"}
+    environment.setdefault("XLA_FLAGS", "--xla_cpu_prefer_vector_width=512")
+    for row in ROWS:
+        command = ["taskset", "-c", "0", sys.executable, __file__, "--row", json.dumps(row)]
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=True
+        )
+        rows.append(json.loads(done.stdout.splitlines()[-1]))
+    glides = {row["batch"]: row["ms"] for row in rows if row["mode"] == "none"}
+    for row in rows:
+        if row["height"] == 10.0:
+            row["glides"] = row["ms"] / glides[row["batch"]]
+    report("gradients", rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -80,11 +80,24 @@ class Best:
         self.marked[index[gain]] = np.stack(kept, axis=1)[gain]
 
     @property
-    def leader(self) -> int:
-        """The best start."""
+    def order(self) -> np.ndarray:
+        """The starts, best first, (S,)."""
         rank = np.where(self.feasible, 0.0, np.where(np.isfinite(self.violation), 1.0, 2.0))
         merit = np.where(self.feasible, -self.values, self.violation)
-        return int(np.lexsort((merit, rank))[0])
+        return np.lexsort((merit, rank))
+
+    @property
+    def leader(self) -> int:
+        """The best start."""
+        return int(self.order[0])
+
+
+def sobol(problem: Problem, count: int, seed: int) -> np.ndarray:
+    """Points of a Sobol set within the bounds, (count, n)."""
+    with warnings.catch_warnings():  # that the number is no power of 2
+        warnings.simplefilter("ignore")
+        drawn = qmc.Sobol(len(problem.names), rng=seed).random(count)
+    return problem.low + drawn * (problem.high - problem.low)
 
 
 class Ascent:
@@ -92,18 +105,15 @@ class Ascent:
 
     Args:
         problem: what is maximised.
-        starts: how many, a Sobol set within the bounds.
-        seed: of the set.
+        points: where they start, within the bounds, (S, n).
         optimiser, rate: as in `optimise`.
     """
 
-    def __init__(self, problem: Problem, starts: int, seed: int, optimiser, rate: float):
-        n, m = len(problem.names), len(problem.constraints)
+    def __init__(self, problem: Problem, points: np.ndarray, optimiser, rate: float):
+        starts, m = len(points), len(problem.constraints)
         self.middle = (problem.low + problem.high) / 2
         self.half = (problem.high - problem.low) / 2
-        with warnings.catch_warnings():  # that the number of starts is no power of 2
-            warnings.simplefilter("ignore")
-            self.u = np.arcsin(2 * qmc.Sobol(n, rng=seed).random(starts) - 1)
+        self.u = np.arcsin(np.clip((points - self.middle) / self.half, -1, 1))
         rule = _rule(optimiser, rate)
         self.state = jax.vmap(rule.init)(self.u)
         self._update = jax.jit(jax.vmap(rule.update))

@@ -19,6 +19,7 @@ class Journal:
     def __init__(self, path: str | Path | None, header: dict[str, Any]):
         self.path = None if path is None else Path(path)
         self.kept: list[dict] = []
+        self.recalled = 0
         if self.path is None:
             return
         first = json.dumps({"jaxglide": "optimise", **header}, sort_keys=True)
@@ -35,13 +36,16 @@ class Journal:
                 raise ValueError(f"{self.path} is damaged: {line[:40]!r}") from None
         self.path.write_text("\n".join(lines[: 1 + len(self.kept)]) + "\n")
 
-    def recall(self, step: int, index: np.ndarray) -> Evaluation | None:
-        """The evaluation of an step, if it was kept."""
-        if step >= len(self.kept):
+    def recall(self, index: np.ndarray) -> Evaluation | None:
+        """The next evaluation, of the starts `index`, if it was kept."""
+        if self.recalled >= len(self.kept):
             return None
-        line = self.kept[step]
+        line = self.kept[self.recalled]
         if line["starts"] != index.tolist():
-            raise ValueError(f"{self.path} is damaged: other starts at step {step}")
+            raise ValueError(
+                f"{self.path} is damaged: other starts in line {self.recalled + 2}"
+            )
+        self.recalled += 1
         return Evaluation(np.array(line["values"]), np.array(line["gradients"]))
 
     def keep(self, index: np.ndarray, found: Evaluation) -> None:

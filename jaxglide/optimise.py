@@ -15,7 +15,7 @@ import numpy as np
 import optax
 import xarray as xr
 
-from ._ascent import FEASIBLE, Ascent, Best
+from ._ascent import FEASIBLE, Ascent, Best, sobol
 from ._checks import check_choice, check_integer, check_range
 from ._journal import Journal
 from .parameters import PARAMETERS
@@ -105,6 +105,7 @@ def optimise(
     problem: Problem,
     *,
     starts: int = 64,
+    screen: int = 0,
     steps: int = 100,
     optimiser: str | optax.GradientTransformation = "adam",
     rate: float = 0.1,
@@ -114,12 +115,15 @@ def optimise(
     log: str | Path | None = None,
     progress: bool | None = None,
     evaluator: Evaluator | None = None,
+    screener: Evaluator | None = None,
 ) -> Optimum:
     """Maximise an objective from many starts at once.
 
     Args:
         problem: what to maximise.
         starts: number of starting points, a Sobol set within the bounds.
+        screen: where this is more than `starts`, so many points of the set are tried first,
+            without gradients, and the best of them are the starts.
         steps: most iterations.
         optimiser: "adam", "lbfgs", or an optax transformation (of the gradient of what is
             to become small; its updates are added).
@@ -131,7 +135,8 @@ def optimise(
         seed: of the Sobol set.
         log: file of evaluations (JSON lines): killed and called again, it goes on there.
         progress: show a bar; by default where somebody can see it.
-        evaluator: an `Evaluator` of this problem, to use its compiled function again.
+        evaluator, screener: an `Evaluator` of this problem with and one without gradients,
+            to use their compiled functions again.
 
     Returns:
         The best point of all starts. Ctrl-C returns the best so far.
@@ -140,6 +145,7 @@ def optimise(
         ValueError: a wrong argument, or the log of another optimisation.
     """
     check_integer("starts", starts, 1, 100_000)
+    check_integer("screen", screen, 0, 10_000_000)
     check_integer("steps", steps, 1, 1_000_000)
     patience = (8 if problem.constraints else 4) if patience is None else patience
     check_integer("patience", patience, 1, 1_000_000)
@@ -148,12 +154,20 @@ def optimise(
     if isinstance(optimiser, str):
         check_choice("optimiser", optimiser, OPTIMISERS)
     name = optimiser if isinstance(optimiser, str) else "given"
-    given = {"starts": starts, "steps": steps, "optimiser": name, "rate": rate, "seed": seed}
+    given = {
+        "starts": starts,
+        "screen": screen,
+        "steps": steps,
+        "optimiser": name,
+        "rate": rate,
+        "seed": seed,
+    }
     given |= {"patience": patience, "tolerance": tolerance}
     header = {"problem": problem.describe(), **given}
     evaluator = Evaluator(problem) if evaluator is None else evaluator
     journal = Journal(log, header)
-    ascent = Ascent(problem, starts, seed, optimiser, rate)
+    points = _screened(problem, starts, screen, seed, journal, screener)
+    ascent = Ascent(problem, points, optimiser, rate)
     best = Best(starts, len(problem.names), len(problem.constraints), tolerance)
     status = np.full(starts, _RUNNING)
     record: list[dict[str, np.ndarray]] = []
@@ -161,10 +175,10 @@ def optimise(
     reason = f"ran all {steps} steps"
     with progress_bar(steps, "step", progress) as bar:
         try:
-            for step in range(steps):
+            for _ in range(steps):
                 index = np.flatnonzero(status == _RUNNING)
                 points = ascent.points[index]
-                found = journal.recall(step, index)
+                found = journal.recall(index)
                 if found is None:
                     found = evaluator(points)
                     journal.keep(index, found)
@@ -207,6 +221,22 @@ def optimise(
         reason=reason,
         history=_history(problem, record, best, status, {**given, "reason": reason}),
     )
+
+
+def _screened(problem: Problem, starts, screen, seed, journal, screener) -> np.ndarray:
+    """Where to start: a Sobol set, or the best points of a larger one, (S, n)."""
+    points = sobol(problem, max(starts, screen), seed)
+    if screen <= starts:
+        return points
+    index = np.arange(len(points))
+    found = journal.recall(index)
+    if found is None:
+        screener = Evaluator(problem, gradients=False) if screener is None else screener
+        found = screener(points)
+        journal.keep(index, found)
+    best = Best(len(points), len(problem.names), len(problem.constraints), 0.0)
+    best.update(index, points, found)
+    return points[best.order[:starts]]
 
 
 def _row(starts, index, points, found, slope) -> dict[str, np.ndarray]:

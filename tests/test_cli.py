@@ -380,7 +380,7 @@ def test_gradient_is_the_closed_form_and_shows_its_check(capsys):
 def test_optimise_finds_the_best_throw(capsys, tmp_path):
     save, plot, log = tmp_path / "o.nc", tmp_path / "o.png", tmp_path / "o.jsonl"
     options = ("optimise", *THROW, "--bounds", "elevation=10:60", "--margin", "none")
-    options += ("--starts", "2", "--steps", "25", "--log", str(log))
+    options += ("--starts", "2", "--screen", "8", "--steps", "25", "--log", str(log))
     code, out, err = run(capsys, *options, "--save", str(save), "--plot", str(plot))
     assert (code, err) == (0, "")
     assert "elevation (deg)" in out

@@ -157,8 +157,24 @@ def test_other_logs_and_damaged_ones_are_refused(tmp_path):
     other = json.loads(lines[1])
     other["starts"] = [1, 0]
     log.write_text("\n".join([lines[0], json.dumps(other), *lines[2:]]))
-    with pytest.raises(ValueError, match="other starts at step 0"):
+    with pytest.raises(ValueError, match="other starts in line 2"):
         optimise(problem, **options, evaluator=Made(problem, (0.3, 0.6)))
+
+
+def test_screening_starts_from_the_best_of_many(tmp_path):
+    problem, log = problem_of(), tmp_path / "log.jsonl"
+    options = {"starts": 4, "screen": 64, "steps": 3, "log": log}
+    made = Made(problem, (0.3, 0.6))
+    found = optimise(problem, **options, evaluator=made, screener=Made(problem, (0.3, 0.6)))
+    assert made.calls == 3
+    first = found.history.point.values[0]
+    tried = np.array(json.loads(log.read_text().split("\n")[1])["values"])[:, 0]
+    assert tried.shape == (64,)
+    np.testing.assert_allclose(found.history.value.values[0], np.sort(tried)[::-1][:4])
+    assert len(np.unique(first, axis=0)) == 4
+    none = Made(problem, (0.3, 0.6), stop_at=0)
+    again = optimise(problem, **options, evaluator=none, screener=none)
+    assert again.best == found.best
 
 
 def test_the_history_is_labelled(tmp_path):

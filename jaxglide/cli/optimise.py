@@ -39,6 +39,8 @@ def add(commands) -> None:
     text = "least margin to 85 degrees in yaw, pitch and roll [deg] (10); 'none' for none"
     group.add_argument("--margin", default="10", metavar="X", help=text)
     group.add_argument("--starts", type=whole, default=64, metavar="N", help="starts (64)")
+    text = "gaits flown first, of which the best are the starts (512)"
+    group.add_argument("--screen", type=whole, default=512, metavar="N", help=text)
     group.add_argument("--steps", type=whole, default=100, metavar="N", help="most steps (100)")
     group.add_argument("--optimiser", choices=("adam", "lbfgs"), default="adam", help="(adam)")
     group.add_argument("--seed", type=whole, default=0, metavar="N", help="of the starts (0)")
@@ -115,6 +117,7 @@ def _run(args) -> int:
     found = optimise(
         problem,
         starts=args.starts,
+        screen=args.screen,
         steps=args.steps,
         optimiser=args.optimiser,
         seed=args.seed,

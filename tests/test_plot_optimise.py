@@ -167,7 +167,9 @@ def test_convergence_counts_what_was_tried(history):
 
 def test_convergence_shows_how_many_met_the_constraints(history):
     other = plot.convergence(history).axes[2]
-    np.testing.assert_allclose(drawn(other, "starts within")[:, 1], [50, 50, 75, 75, 75, 75])
+    np.testing.assert_allclose(
+        drawn(other, "met the constraints")[:, 1], [50, 50, 75, 75, 75, 75]
+    )
 
 
 def test_convergence_without_a_feasible_start(history):

@@ -9,7 +9,9 @@ from ._style import style
 from .atlas import stable_atlas
 from .bending import bending_grid
 from .coefficients import force_coefficients, glide_polar_figure, morphology
+from .compare import before_and_after
 from .glide import angles, glide_overview, side_view, top_view
+from .optimise import convergence, paths, sensitivity_map
 from .shapes import region_outlines, shape_heatmaps
 from .trim import trim_curve
 from .windtunnel import (
@@ -23,8 +25,10 @@ from .windtunnel import (
 
 __all__ = [
     "angles",
+    "before_and_after",
     "bending_grid",
     "bending_moments",
+    "convergence",
     "force_coefficients",
     "glide_overview",
     "glide_polar_figure",
@@ -34,7 +38,9 @@ __all__ = [
     "moment_ratio",
     "moments_in_time",
     "morphology",
+    "paths",
     "region_outlines",
+    "sensitivity_map",
     "shape_heatmaps",
     "side_view",
     "stable_atlas",

@@ -1,0 +1,212 @@
+"""Gaits that glide farthest from 10 m and 75 m without coming near a tumble.
+
+Gradient search over three or five variables of the gait, within the ranges observed in
+flight and within wide ones, beside the best of the 121 published shapes flown alike. Each
+optimum is solved again at 1e-9 and its neighbourhood sampled. The last columns say what
+share of the body and flight lies beyond the measured force coefficients. Bodies that would
+touch themselves are ruled out: the model does not know that they cannot.
+"""
+
+import time
+from typing import Any
+
+from common import arguments, save_figure, write_table  # first: it sets up JAX
+
+# isort: split
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from jaxglide import Outcome, reconstruct, simulate
+from jaxglide._numerics import safe_sqrt
+from jaxglide.cases import build
+from jaxglide.kinematics import backbone
+from jaxglide.objectives import Objective, landing_distance, stability_margin
+from jaxglide.optimise import optimise, verify
+from jaxglide.parameters import OBSERVED
+from jaxglide.plot import before_and_after, convergence, paths
+from jaxglide.problem import SETUP, Evaluator, Problem
+from jaxglide.published import NU_THETA, THETA_M
+from jaxglide.snake import discretise
+from jaxglide.study import Study
+from jaxglide.sweep import sweep
+from jaxglide.windtunnel import phases_of
+
+SHAPE, GAIT = ("theta_m", "nu_theta", "d_psi"), tuple(OBSERVED)
+WIDE = {
+    "nu_theta": (0.7, 2.0),
+    "theta_m": (60.0, 150.0),
+    "psi_m": (0.0, 60.0),
+    "d_psi": (-40.0, 60.0),
+    "f_theta": (0.3, 3.0),
+}
+RANGES = {"observed": OBSERVED, "wide": WIDE}
+EFFORT = {10.0: (32, 32), 75.0: (16, 14)}  # height: starts, steps
+MARGIN = 10.0  # deg left to a tumble
+MEASURED = {"angle": (-10.0, 60.0), "Re": (3000.0, 15000.0)}
+TOLERANCE = 1e-6  # of the search
+SAMPLES = 120  # around an optimum
+CLEARANCE = 1.0  # greatest chords between parts of the body: below, it would touch itself
+APART = 0.15  # of the length, for parts that might touch
+PHASES = 24
+MAP_BEND = 5.0  # deg per SVL: where the broadest optimum lies
+FINE = {"theta_m": np.linspace(80, 120, 41), "nu_theta": np.linspace(1, 1.5, 41)}
+
+
+def _clearance(trial):
+    """Least distance between parts of the body over a cycle, in its greatest chords."""
+    glider, sections = trial.glider, trial.sections
+    fraction = sections.fraction
+    apart = jnp.abs(fraction[:, None] - fraction) > APART
+
+    def nearest(phase):
+        place = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, 0.0).position
+        squared = jnp.sum((place[:, :, None] - place[:, None, :]) ** 2, axis=0)
+        return jnp.min(jnp.where(apart, squared, jnp.inf))
+
+    least = jnp.min(jax.vmap(nearest)(phases_of(PHASES)))
+    return safe_sqrt(least) / jnp.max(sections.chord)
+
+
+clearance = Objective("clearance", "chords", _clearance)
+
+
+def problem_of(height: float = 10.0, names=SHAPE, ranges: str = "observed") -> Problem:
+    """The farthest landing at least `MARGIN` short of a tumble, without touching oneself."""
+    free = {name: RANGES[ranges][name] for name in names}
+    margin = stability_margin.at_least(MARGIN, scale=10.0)
+    tolerance: dict[str, Any] = {"rtol": TOLERANCE, "atol": TOLERANCE}
+    limits = margin, clearance.at_least(CLEARANCE)
+    return Problem(landing_distance, free, limits, {"height": height}, **tolerance)
+
+
+def best_published(height: float) -> tuple[dict[str, float], float, bool]:
+    """Of the 121 shapes at the published bend: the farthest that keeps the margin.
+
+    Returns:
+        The gait, its distance [m], and whether any kept the margin (if none, the farthest).
+    """
+    theta, nu = np.meshgrid(THETA_M, NU_THETA, indexing="ij")
+    points = np.stack([theta.ravel(), nu.ravel(), np.full(theta.size, 10.0)], axis=1)
+    found = Evaluator(problem_of(height), gradients=False)(points).values
+    kept = (found[:, 1:] >= 0).all(axis=1)
+    best = int(np.argmax(np.where(kept | ~kept.any(), found[:, 0], -np.inf)))
+    gait = dict(zip(SHAPE, points[best].tolist(), strict=True))
+    return gait, float(found[best, 0]), bool(kept.any())
+
+
+def fly(gait, height: float):
+    """The glide of a gait with its trajectory, at 1e-9."""
+    glider, launch = build({**gait, "height": height}, {**SETUP, "nodes": 60})
+    return simulate(glider, launch, rtol=1e-9, atol=1e-9, dense=True)
+
+
+def unmeasured(glide) -> list[float]:
+    """Shares of body length and time beyond the measured angles of attack and Re [%]."""
+    now = reconstruct(glide, np.linspace(0.0, float(glide.time), 400))
+    sections = discretise(glide.glider.snake)
+    weight = np.asarray(sections.area / sections.chord)
+    seen = np.rad2deg(now.aerodynamics.angle_of_attack), np.asarray(now.aerodynamics.reynolds)
+    outside = [
+        (values < low) | (values > high)
+        for values, (low, high) in zip(seen, MEASURED.values(), strict=True)
+    ]
+    outside.append(outside[0] | outside[1])
+    weight = 100.0 * weight / weight.sum()
+    return [float((part.mean(axis=0) * weight).sum()) for part in outside]
+
+
+def binding(slacks) -> str:
+    """Which constraints bind, in words."""
+    names = ("margin", "clearance")
+    return ", ".join(n for n, s in zip(names, slacks, strict=True) if s < 0.05) or "none"
+
+
+def at_bounds(problem: Problem, best) -> str:
+    """Which parameters lie within 1 % of their range of a bound, in words."""
+    ends = []
+    for name, (low, high) in problem.free.items():
+        near = 0.01 * (high - low)
+        if best[name] < low + near or best[name] > high - near:
+            ends.append(f"{name} {'low' if best[name] < low + near else 'high'}")
+    return ", ".join(ends) or "none"
+
+
+def search(options, height: float, names, ranges: str, published) -> tuple[list, xr.Dataset]:
+    """One row of the table, and the history."""
+    label = f"optimal_{height:g}m_{len(names)}_{ranges}"
+    problem, (starts, steps) = problem_of(height, names, ranges), EFFORT[height]
+    starts = options.size or starts
+    log = options.out / f"{label}.jsonl" if options.resume else None
+    begin = time.perf_counter()
+    found = optimise(problem, starts=starts, steps=steps, log=log)
+    took = time.perf_counter() - begin
+    checked = verify(problem, found.best, samples=SAMPLES)
+    print(f"{label}: {found}\n", flush=True)
+    old, old_distance, kept = published
+    glide = fly(found.best, height)
+    gain = 100 * (found.value / old_distance - 1)
+    margin = 10 * float(found.slacks[0]) + MARGIN
+    row = [
+        *(f"{height:g}", len(names), ranges),
+        *(float(found.best.get(name, np.nan)) for name in (*SHAPE, "psi_m", "f_theta")),
+        *(found.value, gain if kept else np.nan, str(Outcome(int(glide.outcome)))),
+        *(margin, binding(found.slacks), at_bounds(problem, found.best)),
+        *(checked.value, 100 * checked.gain, *unmeasured(glide)),
+        float(found.slacks[1]) + CLEARANCE,
+        *(found.evaluations, int((found.status == 0).sum()), starts, took),
+    ]
+    save_figure(convergence(found.history), options.out / f"{label}_convergence.png")
+    names_ = "best published shape", "optimised gait"
+    both = before_and_after(fly(old, height), glide, names_)
+    save_figure(both, options.out / f"{label}_glide.png")
+    found.history.to_netcdf(options.out / f"{label}.nc", engine="h5netcdf")
+    return row, found.history
+
+
+HEADER = (
+    *("height (m)", "variables", "ranges", "theta_m (deg)", "nu_theta", "d_psi (deg)"),
+    *("psi_m (deg)", "f_theta (Hz)", "distance (m)", "gain (%)", "outcome"),
+    *("margin (deg)", "binds", "at bounds", "at 1e-9 (m)", "best nearby (%)"),
+    *("angles beyond (%)", "Re beyond (%)", "either (%)"),
+    "clearance (chords)",
+    *("gradients", "converged", "starts", "seconds"),
+)
+
+
+def main() -> None:
+    options = arguments(__doc__)
+    rows, published = [], {height: best_published(height) for height in EFFORT}
+    for height, (gait, distance, kept) in published.items():
+        glide = fly(gait, height)
+        outcome, shares = str(Outcome(int(glide.outcome))), unmeasured(glide)
+        margin = 85.0 - float(np.rad2deg(glide.max_angles).max())
+        rows.append(
+            [
+                *(f"{height:g}", 0, "published" if kept else "published, none in the margin"),
+                *(*(float(v) for v in gait.values()), 20.0, 1.2, distance, 0.0, outcome),
+                *(margin, "", "", float(glide.landing_point[1]), np.nan, *shares),
+                float(clearance(glide.glider)),
+                *(0, 0, 0, 0.0),
+            ]
+        )
+    for height in EFFORT:
+        for names in (SHAPE, GAIT):
+            for ranges in RANGES:
+                row, history = search(options, height, names, ranges, published[height])
+                rows.append(row)
+                write_table(options.out / "optimal_gaits", HEADER, rows)
+                if (height, names, ranges) == (10.0, SHAPE, "observed"):
+                    draw_paths(options, history)
+
+
+def draw_paths(options, history: xr.Dataset) -> None:
+    """Paths of the starts over the distance at one bend."""
+    fixed = {"height": 10.0, "d_psi": MAP_BEND}
+    data = sweep(Study(FINE, fixed=fixed, setup=SETUP))
+    save_figure(paths(history, data), options.out / "optimal_10m_3_observed_paths.png")
+
+
+if __name__ == "__main__":
+    main()

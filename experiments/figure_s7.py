@@ -1,8 +1,10 @@
 """Figure S7: force coefficients of a body section, as published and as a smooth spline."""
 
+from common import arguments, save_figure, write_table  # first: it sets up JAX
+
+# isort: split
 import jax.numpy as jnp
 import numpy as np
-from common import arguments, save_figure, write_table
 
 from jaxglide import Polar
 from jaxglide.plot import force_coefficients

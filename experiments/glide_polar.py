@@ -1,9 +1,11 @@
 """Glide polar of the whole undulating body, and its steady glide at held attitudes."""
 
+from common import arguments, save_figure, write_table  # first: it sets up JAX
+
+# isort: split
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from common import arguments, save_figure, write_table
 
 from jaxglide import Gait, Glider, Launch, Snake
 from jaxglide.glide_polar import body_polar, equilibrium, velocity_polar

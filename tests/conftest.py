@@ -1,8 +1,20 @@
 """What the tests share: float64, the golden figures, and the gliders they belong to."""
 
+import atexit
 import importlib.util
 import json
+import os
 import pathlib
+import shutil
+import tempfile
+
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    # One cache for all processes of a test run: many compile the same functions.
+    _cache = tempfile.mkdtemp(prefix="jaxglide-tests-")
+    atexit.register(shutil.rmtree, _cache, ignore_errors=True)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = _cache
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.5"
+    os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"  # loading from it logs tuning hints as errors
 
 import jax
 import jax.numpy as jnp

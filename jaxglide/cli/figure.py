@@ -33,7 +33,7 @@ def add(commands) -> None:
     figure.add_argument("name", choices=_FIGURES, help=", ".join(_FIGURES))
     figure.add_argument("--out", default="results", metavar="FOLDER", help="(results)")
     figure.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
-    figure.add_argument("--size", type=whole, metavar="N", help="glides of the atlas")
+    figure.add_argument("--size", type=whole, metavar="N", help="size, where it can be chosen")
     figure.set_defaults(run=_run, save=None, plot=None)
 
 

@@ -122,6 +122,20 @@ def build_from(args):
     return build(case, check_setup(setup_of(args)))
 
 
+def build_held(args):
+    """The same for a held glide, which starts at the published speed unless told otherwise."""
+    import equinox as eqx
+    import jax.numpy as jnp
+
+    from ..windtunnel import PUBLISHED_LAUNCH
+
+    glider, launch = build_from(args)
+    if args.speed is None:
+        speed = jnp.asarray(PUBLISHED_LAUNCH[1])
+        launch = eqx.tree_at(lambda x: x.speed, launch, speed, is_leaf=lambda x: x is None)
+    return glider, launch
+
+
 def writable(*paths: Path | None) -> None:
     """Fail before the work, not after it."""
     for path in paths:

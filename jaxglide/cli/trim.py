@@ -3,7 +3,7 @@
 import json
 
 from ..parameters import OBSERVED
-from ._options import UsageError, a_number, add_glider, add_output, build_from, write
+from ._options import UsageError, a_number, add_glider, add_output, build_held, write
 
 
 def add(commands) -> None:
@@ -30,14 +30,11 @@ def add(commands) -> None:
 
 
 def _run(args) -> int:
-    import equinox as eqx
-    import jax.numpy as jnp
     import numpy as np
 
     from ..cases import check_parameters
     from ..parameters import PARAMETERS
     from ..trim import trim
-    from ..windtunnel import PUBLISHED_LAUNCH
 
     name = args.parameter
     symmetric = name in ("d_psi", "d_theta")
@@ -49,10 +46,7 @@ def _run(args) -> int:
         raise UsageError(f"--low {low:g} is not below --high {high:g}")
     unit = PARAMETERS[name].unit
     factor = np.pi / 180 if unit.startswith("deg") else 1.0
-    glider, launch = build_from(args)
-    if args.speed is None:
-        speed = jnp.asarray(PUBLISHED_LAUNCH[1])
-        launch = eqx.tree_at(lambda x: x.speed, launch, speed, is_leaf=lambda x: x is None)
+    glider, launch = build_held(args)
     found = trim(glider, name, (factor * low, factor * high), launch=launch)
     value = float(found.value) / factor
 

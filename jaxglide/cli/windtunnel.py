@@ -6,7 +6,7 @@ from ._options import (
     a_number,
     add_glider,
     add_output,
-    build_from,
+    build_held,
     case_of,
     setup_of,
     whole,
@@ -45,8 +45,6 @@ def add(commands) -> None:
 
 
 def _run(args) -> int:
-    import equinox as eqx
-    import jax.numpy as jnp
     import numpy as np
 
     from .. import windtunnel as tunnel
@@ -56,10 +54,7 @@ def _run(args) -> int:
     from ..survey import ABOUT, survey
     from ..trim import GAIT_PARAMETERS, derivatives
 
-    glider, launch = build_from(args)
-    if args.speed is None:
-        speed = jnp.asarray(tunnel.PUBLISHED_LAUNCH[1])
-        launch = eqx.tree_at(lambda x: x.speed, launch, speed, is_leaf=lambda x: x is None)
+    glider, launch = build_held(args)
     angles = np.deg2rad([getattr(args, turn) for turn in _TURNS])
     options = {"interval": args.interval, "max_time": args.max_time}
     fallen = tunnel.fall(glider, launch, angles=angles, **options)

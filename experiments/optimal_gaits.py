@@ -13,16 +13,12 @@ from typing import Any
 from common import arguments, save_figure, write_table  # first: it sets up JAX
 
 # isort: split
-import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
 from jaxglide import Outcome, reconstruct, simulate
-from jaxglide._numerics import safe_sqrt
 from jaxglide.cases import build
-from jaxglide.kinematics import backbone
-from jaxglide.objectives import Objective, landing_distance, stability_margin
+from jaxglide.objectives import clearance, landing_distance, stability_margin
 from jaxglide.optimise import optimise, verify
 from jaxglide.parameters import OBSERVED
 from jaxglide.plot import before_and_after, convergence, paths
@@ -31,7 +27,6 @@ from jaxglide.published import NU_THETA, THETA_M
 from jaxglide.snake import discretise
 from jaxglide.study import Study
 from jaxglide.sweep import sweep
-from jaxglide.windtunnel import phases_of
 
 SHAPE, GAIT = ("theta_m", "nu_theta", "d_psi"), tuple(OBSERVED)
 WIDE = {
@@ -42,34 +37,14 @@ WIDE = {
     "f_theta": (0.3, 3.0),
 }
 RANGES = {"observed": OBSERVED, "wide": WIDE}
-EFFORT = {10.0: (32, 32), 75.0: (16, 14)}  # height: starts, steps
+EFFORT = {10.0: (32, 512, 100), 75.0: (12, 512, 24)}  # height: starts, screened, steps
 MARGIN = 10.0  # deg left to a tumble
 MEASURED = {"angle": (-10.0, 60.0), "Re": (3000.0, 15000.0)}
 TOLERANCE = 1e-6  # of the search
-SAMPLES = 120  # around an optimum
+SAMPLES = 256  # around an optimum
 CLEARANCE = 1.0  # greatest chords between parts of the body: below, it would touch itself
-APART = 0.15  # of the length, for parts that might touch
-PHASES = 24
 MAP_BEND = 5.0  # deg per SVL: where the broadest optimum lies
 FINE = {"theta_m": np.linspace(80, 120, 41), "nu_theta": np.linspace(1, 1.5, 41)}
-
-
-def _clearance(trial):
-    """Least distance between parts of the body over a cycle, in its greatest chords."""
-    glider, sections = trial.glider, trial.sections
-    fraction = sections.fraction
-    apart = jnp.abs(fraction[:, None] - fraction) > APART
-
-    def nearest(phase):
-        place = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, 0.0).position
-        squared = jnp.sum((place[:, :, None] - place[:, None, :]) ** 2, axis=0)
-        return jnp.min(jnp.where(apart, squared, jnp.inf))
-
-    least = jnp.min(jax.vmap(nearest)(phases_of(PHASES)))
-    return safe_sqrt(least) / jnp.max(sections.chord)
-
-
-clearance = Objective("clearance", "chords", _clearance)
 
 
 def problem_of(height: float = 10.0, names=SHAPE, ranges: str = "observed") -> Problem:
@@ -136,13 +111,16 @@ def at_bounds(problem: Problem, best) -> str:
 def search(options, height: float, names, ranges: str, published) -> tuple[list, xr.Dataset]:
     """One row of the table, and the history."""
     label = f"optimal_{height:g}m_{len(names)}_{ranges}"
-    problem, (starts, steps) = problem_of(height, names, ranges), EFFORT[height]
+    problem, (starts, screen, steps) = problem_of(height, names, ranges), EFFORT[height]
     starts = options.size or starts
     log = options.out / f"{label}.jsonl" if options.resume else None
     begin = time.perf_counter()
-    found = optimise(problem, starts=starts, steps=steps, log=log)
+    screener = Evaluator(problem, gradients=False)
+    found = optimise(
+        problem, starts=starts, screen=screen, steps=steps, log=log, screener=screener
+    )
     took = time.perf_counter() - begin
-    checked = verify(problem, found.best, samples=SAMPLES)
+    checked = verify(problem, found.best, samples=SAMPLES, screener=screener)
     print(f"{label}: {found}\n", flush=True)
     old, old_distance, kept = published
     glide = fly(found.best, height)

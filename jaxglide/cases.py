@@ -72,8 +72,11 @@ def build(case: Mapping[str, Any], setup: Mapping[str, Any]) -> tuple[Glider, La
     polar = Polar.from_name(setup["polar"], given["lift_scale"], given["drag_scale"])
     air = (given[name] for name in ("gravity", "air_density", "kinematic_viscosity"))
     glider = Glider(snake, gait, polar, Environment(*air))
-    elevation = jnp.deg2rad(jnp.asarray(given["elevation"], float))
-    return glider, Launch(given["height"], given["speed"], elevation=elevation)
+    elevation, heading = (
+        jnp.deg2rad(jnp.asarray(given[name], float)) for name in ("elevation", "heading")
+    )
+    launch = Launch(given["height"], given["speed"], elevation=elevation, heading=heading)
+    return glider, launch
 
 
 def as_array(name: str, values: Any) -> np.ndarray:

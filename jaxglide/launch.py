@@ -38,6 +38,7 @@ class Launch(eqx.Module):
         angles: yaw, pitch, roll [rad], (3,), below 85 degrees; by default minus the mean
             attitude over a free undulation cycle.
         elevation: of the launch velocity above the horizontal [rad], -pi/2 to pi/2.
+        heading: of the launch velocity to the left of forward [rad], -pi to pi.
 
     Raises:
         ValueError: a value is not finite or out of range.
@@ -48,10 +49,12 @@ class Launch(eqx.Module):
     phi_theta: Scalar | None = eqx.field(converter=optional_number("phi_theta"), default=None)
     angles: Vec3 | None = eqx.field(converter=optional_number("angles"), default=None)
     elevation: Scalar = eqx.field(converter=number("elevation"), default=0.0)
+    heading: Scalar = eqx.field(converter=number("heading"), default=0.0)
 
     def __check_init__(self):
         check_range("height", self.height, "m", 0, 1e5, low_open=True)
         check_range("elevation", self.elevation, "rad", -np.pi / 2, np.pi / 2)
+        check_range("heading", self.heading, "rad", -np.pi, np.pi)
         if self.speed is not None:
             check_range("speed", self.speed, "m/s", 0, 200)
         if self.phi_theta is not None:
@@ -88,6 +91,12 @@ def published_speed(glider: Glider, sections: Sections) -> Scalar:
     air = glider.environment
     loading = glider.snake.mass * air.gravity / jnp.sum(sections.area)
     return _PUBLISHED_SPEED * jnp.sqrt(2 * loading / air.air_density)
+
+
+def launch_velocity(launch: Launch, speed: Scalar) -> Vec3:
+    """Launch velocity in inertial axes [m/s], (3,), for a speed [m/s]."""
+    (up, left), (level, ahead) = sincos(jnp.stack([launch.elevation, launch.heading]))
+    return speed * jnp.stack([-level * left, level * ahead, up])
 
 
 class Cycle(eqx.Module):
@@ -258,7 +267,6 @@ def take_off(
         speed = published_speed(glider, sections)
     zero = jnp.zeros_like(angles)
     position = zero.at[2].set(launch.height)
-    sine, cosine = sincos(launch.elevation)
-    velocity = zero.at[1].set(speed * cosine).at[2].set(speed * sine)
+    velocity = launch_velocity(launch, speed)
     state = jnp.concatenate([position, velocity, zero, angles, zero[:1]])
     return TakeOff(phi_theta, angles, speed, state)

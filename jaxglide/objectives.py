@@ -38,6 +38,7 @@ from .windtunnel import phases_of
 
 _SOFTNESS = 2.0  # deg over which the largest of three angles is smoothed
 _PHASES = 24  # of the waves, over which properties of the gait are averaged
+_APART = 0.15  # of the length, for parts of the body that might touch
 
 
 class Trial:
@@ -300,6 +301,20 @@ def _undulation_power(trial: Trial) -> Scalar:
     return safe_sqrt(_over_phases(trial, squared))
 
 
+def _clearance(trial: Trial) -> Scalar:
+    glider, sections = trial.glider, trial.sections
+    fraction = sections.fraction
+    apart = jnp.abs(fraction[:, None] - fraction) > _APART
+
+    def nearest(phase):
+        place = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, 0.0).position
+        squared = jnp.sum((place[:, :, None] - place[:, None, :]) ** 2, axis=0)
+        return jnp.min(jnp.where(apart, squared, jnp.inf))
+
+    least = jnp.min(jax.vmap(nearest)(phases_of(_PHASES)))
+    return safe_sqrt(least) / jnp.max(sections.chord)
+
+
 landing_distance = Objective("landing_distance", "m", lambda trial: trial.distance)
 """Forward distance y of the landing point; after a tumble continued without air."""
 
@@ -337,6 +352,10 @@ curvature = Objective("curvature", "1/SVL", _curvature, sense=-1)
 undulation_power = Objective("undulation_power", "W", _undulation_power, sense=-1)
 """Root mean square rate of the kinetic energy of the shape change over a cycle."""
 
+clearance = Objective("clearance", "chords", _clearance)
+"""Least distance over a cycle between parts of the body more than 0.15 of its length apart,
+in greatest chords: below 1 the body may touch itself, which the model does not know."""
+
 OBJECTIVES = {
     objective.name: objective
     for objective in (
@@ -349,6 +368,7 @@ OBJECTIVES = {
         squared_pitch_moment,
         curvature,
         undulation_power,
+        clearance,
     )
 }
 """Objectives by name."""

@@ -40,6 +40,7 @@ PARAMETERS: dict[str, Parameter] = {
     "height": Parameter("m", 10.0, "launch height", 0, 1e5, True),
     "speed": Parameter("m/s", None, "launch speed (from wing loading)", 0, 200),
     "elevation": Parameter("deg", 0.0, "launch direction above the horizontal", -90, 90),
+    "heading": Parameter("deg", 0.0, "launch direction to the left of forward", -180, 180),
     "lift_scale": Parameter("", 1.0, "multiplier on the lift coefficient", 0, 100),
     "drag_scale": Parameter("", 1.0, "multiplier on the drag coefficient", 0, 100),
     "gravity": Parameter("m/s^2", 9.81, "gravitational acceleration", 0, 100),
@@ -75,5 +76,6 @@ OBJECTIVES = (
     "squared_pitch_moment",
     "curvature",
     "undulation_power",
+    "clearance",
 )
 """Names of the objectives in `objectives`."""

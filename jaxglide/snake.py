@@ -42,6 +42,8 @@ class Snake(eqx.Module):
         node_set: "published" (midpoints and trapezoid rule, for comparison with the
             paper) or "gauss" (Gauss-Legendre on three panels, converges fast; static).
         spacing: node spacing [m] of the published set where it is not L/nodes (static).
+            The body then has L/spacing nodes, rounded up, and nodes beyond it weigh
+            nothing: snakes of several lengths share one compiled function.
 
     Raises:
         ValueError: a value is not finite or out of range.
@@ -165,8 +167,10 @@ def _quadrature(snake: Snake) -> tuple[Array, Array, Array]:
     """Node fractions, weights (sum about 1) and cumulative integration matrix, of s/L."""
     if snake.node_set == "published":
         step = 1 / snake.nodes if snake.spacing is None else snake.spacing / snake.length
-        fraction = (jnp.arange(snake.nodes) + 0.5) * step
-        weight = jnp.full(snake.nodes, step)
+        index = jnp.arange(snake.nodes)
+        fraction = (index + 0.5) * step
+        # a node is the body's where its element begins before the vent, but for round-off
+        weight = jnp.where(index * step < 1 - 1e-6, step, 0.0)
         return fraction, weight, jnp.asarray(_midpoint_rule(snake.nodes)) * step
     panel, point, weight, matrix = _gauss_rule(snake.nodes)
     first = jnp.minimum(snake.head_fraction, snake.neck_fraction)
@@ -185,7 +189,7 @@ def discretise(snake: Snake) -> Sections:
         _parabola(fraction, snake.body_density),
     )
     share = density * weight / jnp.sum(density * weight)
-    chord = snake.length * _parabola(fraction, snake.chord)
+    chord = snake.length * _parabola(jnp.where(weight > 0, fraction, 1.0), snake.chord)
     centred = cumulative - share @ cumulative
     return Sections(
         fraction=fraction,

@@ -78,6 +78,7 @@ ARGUMENTS = [
     argument(Launch, "height", "m", 0, 1e5, low_open=True),
     argument(Launch, "speed", "m/s", 0, 200),
     argument(Launch, "elevation", "rad", -np.pi / 2, np.pi / 2),
+    argument(Launch, "heading", "rad", -np.pi, np.pi),
     argument(Launch, "phi_theta", "rad", -1e3, 1e3),
     Argument(
         lambda x: Launch(angles=[0.0, x, 0.0]),

@@ -238,3 +238,22 @@ def test_the_field_does_not_depend_on_where_or_which_way(random_states):
     scale = np.abs(before[:, OMEGA]).max()
     np.testing.assert_allclose(after[:, OMEGA], before[:, OMEGA], rtol=0, atol=1e-11 * scale)
     np.testing.assert_allclose(after[:, ANGLES], before[:, ANGLES], rtol=0, atol=1e-11)
+
+
+def test_the_world_looks_the_same_in_every_direction():
+    """A launch turned left with its attitude flies the same path, turned left."""
+    glider = Glider(Snake.from_svl(), GAIT, Polar.smooth())
+    options = {"rtol": 1e-9, "atol": 1e-9}
+    angles, turn = np.array([0.2, -0.1, 0.15]), 0.5
+    fields = {"height": 2.0, "speed": 2.0, "phi_theta": 0.4, "elevation": -0.3}
+    ahead = simulate(glider, Launch(angles=angles, **fields), **options)
+    turned = Launch(angles=angles + np.array([turn, 0, 0]), heading=turn, **fields)
+    left = simulate(glider, turned, **options)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    to_left = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    assert ahead.outcome == left.outcome == Outcome.LANDED
+    np.testing.assert_allclose(left.landing_point, to_left @ ahead.landing_point, atol=1e-7)
+    np.testing.assert_allclose(left.velocity, to_left @ ahead.velocity, atol=1e-6)
+    expected = np.asarray(ahead.end_angles) + np.array([turn, 0, 0])
+    np.testing.assert_allclose(left.end_angles, expected, atol=1e-6)
+    assert left.take_off.state[3] < 0  # to the left

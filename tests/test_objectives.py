@@ -1,5 +1,6 @@
 """Objectives: closed forms, continuation past a tumble, algebra, one glide for all."""
 
+from itertools import combinations
 from types import SimpleNamespace
 
 import jax
@@ -9,9 +10,11 @@ import pytest
 
 from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, objectives, parameters
 from jaxglide.cases import build, check_setup
+from jaxglide.kinematics import backbone
 from jaxglide.objectives import (
     OBJECTIVES,
     Trial,
+    clearance,
     curvature,
     evaluate,
     glide_ratio,
@@ -22,6 +25,7 @@ from jaxglide.objectives import (
     undulation_power,
     varied,
 )
+from jaxglide.snake import discretise
 
 SETUP = check_setup({"polar": "smooth", "node_set": "gauss", "nodes": 40})
 
@@ -100,6 +104,31 @@ def test_power_of_the_undulation_grows_with_the_cube_of_frequency():
     assert slow > 0
     assert fast == pytest.approx(8 * slow, rel=1e-9)
     assert float(undulation_power(glider_of(f_theta=0.0))) == 0.0
+
+
+def test_clearance_of_an_arc():
+    """Without waves the body is an arc of half a circle: its chord over 0.15 of the length."""
+    arc = glider_of(theta_m=0.0, psi_m=0.0, d_theta=180.0, d_psi=0.0, nu_theta=1.0)
+    sections = discretise(arc.snake)
+    steps = np.abs(sections.fraction[:, None] - sections.fraction)
+    nearest = float(steps[steps > 0.15].min())
+    chord = 2 * np.sin(np.pi * nearest / 2) * float(arc.snake.length) / np.pi
+    assert float(clearance(arc)) == pytest.approx(chord / sections.chord.max(), rel=1e-3)
+
+
+def test_clearance_is_the_least_of_a_cycle():
+    """Against positions at 24 phases, pair by pair."""
+    glider = glider_of(theta_m=115.0, nu_theta=1.45)
+    sections, least = discretise(glider.snake), np.inf
+    for phase in 2 * np.pi * np.arange(24) / 24:
+        neck = glider.snake.neck_fraction
+        place = np.asarray(backbone(sections, glider.gait, neck, phase, 0.0).position).T
+        for a, b in combinations(range(len(place)), 2):
+            if sections.fraction[b] - sections.fraction[a] > 0.15:
+                least = min(least, np.linalg.norm(place[a] - place[b]))
+    expected = least / float(sections.chord.max())
+    assert float(clearance(glider)) == pytest.approx(expected, rel=1e-9)
+    assert float(clearance(glider_of(theta_m=119.7, nu_theta=1.45))) < expected
 
 
 def test_algebra_of_objectives():

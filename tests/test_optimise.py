@@ -123,7 +123,9 @@ def test_all_not_finite_is_said():
 
 def test_ctrl_c_keeps_the_best_and_the_log_goes_on(tmp_path):
     problem, log = problem_of(), tmp_path / "log.jsonl"
-    whole = optimise(problem, starts=4, steps=40, evaluator=Made(problem, (0.3, 0.6)))
+    made = Made(problem, (0.3, 0.6))
+    whole = optimise(problem, starts=4, steps=40, evaluator=made)
+    assert made.calls > whole.history.sizes["step"]  # it polishes, too
     cut = Made(problem, (0.3, 0.6), stop_at=7)
     part = optimise(problem, starts=4, steps=40, evaluator=cut, log=log)
     assert (part.status == Status.INTERRUPTED).all()
@@ -133,7 +135,13 @@ def test_ctrl_c_keeps_the_best_and_the_log_goes_on(tmp_path):
     log.write_text(log.read_text() + '{"starts": [0, 1')
     rest = Made(problem, (0.3, 0.6))
     again = optimise(problem, starts=4, steps=40, evaluator=rest, log=log)
-    assert rest.calls == again.history.sizes["step"] - 7
+    assert rest.calls == made.calls - 7
+    # killed while polishing
+    kept = log.read_text().split("\n")
+    log.write_text("\n".join(kept[:-2]) + "\n")
+    last = Made(problem, (0.3, 0.6))
+    again = optimise(problem, starts=4, steps=40, evaluator=last, log=log)
+    assert last.calls == 1
     xr.testing.assert_identical(
         again.history.drop_attrs(deep=False), whole.history.drop_attrs(deep=False)
     )
@@ -163,7 +171,7 @@ def test_other_logs_and_damaged_ones_are_refused(tmp_path):
 
 def test_screening_starts_from_the_best_of_many(tmp_path):
     problem, log = problem_of(), tmp_path / "log.jsonl"
-    options = {"starts": 4, "screen": 64, "steps": 3, "log": log}
+    options = {"starts": 4, "screen": 64, "steps": 3, "polish": 0, "log": log}
     made = Made(problem, (0.3, 0.6))
     found = optimise(problem, **options, evaluator=made, screener=Made(problem, (0.3, 0.6)))
     assert made.calls == 3
@@ -175,6 +183,52 @@ def test_screening_starts_from_the_best_of_many(tmp_path):
     none = Made(problem, (0.3, 0.6), stop_at=0)
     again = optimise(problem, **options, evaluator=none, screener=none)
     assert again.best == found.best
+
+
+class Rugged(Made):
+    """The same with a ridge, too narrow to be followed, along z_0 + 0.29 = z_1."""
+
+    def __call__(self, points, rtol=None, atol=None):
+        found = super().__call__(points, rtol, atol)
+        z = (points - self.problem.low) / (self.problem.high - self.problem.low)
+        ridge = np.exp(-(((z[:, 0] + 0.29 - z[:, 1]) / 5e-4) ** 2))
+        found.values[:, 0] += 1 + ridge
+        return found
+
+
+def test_polishing_finds_what_gradients_pass_by():
+    problem = problem_of()
+    plain, rounds = (
+        optimise(problem, starts=2, steps=60, polish=n, evaluator=Rugged(problem, (0.3, 0.6)))
+        for n in (0, 20)
+    )
+    assert plain.value < 1.1
+    assert rounds.value > 1.95
+    assert "rounds of sampling around the best gained" in rounds.reason
+    assert "gained" not in plain.reason
+    checked = verify(problem, rounds.best, screener=Rugged(problem, (0.3, 0.6)))
+    assert checked.gain < 0.01
+    np.testing.assert_array_equal(rounds.history.best_value.max(), rounds.value)
+
+
+def test_polishing_stays_within_bounds_and_constraints():
+    made = Rugged(CONSTRAINED, (0.9, 0.9), edge=0.5)
+    made.A = np.diag([0.1, 0.1])
+    found = optimise(CONSTRAINED, starts=4, steps=100, evaluator=made)
+    assert found.feasible
+    assert float(found.slacks[0]) >= -1e-3
+    assert place(CONSTRAINED, found.best).sum() <= 0.501
+    beyond = Rugged(problem_of(), (1.3, 1.3))
+    best = optimise(problem_of(), starts=4, steps=60, evaluator=beyond).best
+    assert (place(problem_of(), best) <= 1).all()
+
+
+def test_ctrl_c_while_polishing_keeps_the_best():
+    problem = problem_of()
+    made = Made(problem, (0.3, 0.6), stop_at=3)
+    found = optimise(problem, starts=4, steps=3, evaluator=made)
+    assert "interrupted while sampling around the best" in found.reason
+    assert found.feasible
 
 
 def test_the_history_is_labelled(tmp_path):
@@ -277,6 +331,7 @@ def test_bad_problems_are_named(arguments, message):
         ({"rate": np.nan}, "rate = nan"),
         ({"tolerance": -1.0}, "tolerance = -1"),
         ({"patience": 0}, "patience = 0"),
+        ({"polish": -1}, "polish = -1"),
     ],
 )
 def test_bad_options_are_named(options, message):

@@ -127,6 +127,23 @@ def test_a_neck_shorter_than_the_head_is_split_too():
     assert (np.diff(sections.fraction) > 0).all()
 
 
+def test_nodes_beyond_the_body_weigh_nothing():
+    short = discretise(Snake.from_svl(0.64, spacing=0.01, nodes=64))
+    padded = discretise(Snake.from_svl(0.64, spacing=0.01, nodes=89))
+    for name in ("fraction", "chord", "area", "mass"):
+        whole = np.asarray(getattr(padded, name))
+        np.testing.assert_allclose(whole[:64], getattr(short, name), rtol=1e-13)
+    for name in ("area", "mass"):
+        assert (np.asarray(getattr(padded, name))[64:] == 0).all()
+    assert (np.asarray(padded.chord) > 0).all()
+    field = np.random.default_rng(0).normal(size=89)
+    np.testing.assert_allclose(
+        (field @ padded.integral)[:64], field[:64] @ short.integral, rtol=1e-12, atol=1e-15
+    )
+    # an element that the vent cuts through counts
+    assert (np.asarray(discretise(Snake.from_svl(0.643, spacing=0.01)).area) > 0).sum() == 65
+
+
 def test_spacing_sets_the_published_grid():
     by_count = discretise(Snake.from_svl(0.70))
     by_spacing = discretise(Snake.from_svl(0.70, spacing=0.01))

@@ -307,14 +307,15 @@ def test_limits_reach_the_solver(monkeypatch):
 def test_every_parameter_reaches_its_place():
     case = {"nu_theta": 1.1, "theta_m": 80.0, "psi_m": 21.0, "d_psi": 11.0, "d_theta": 12.0,
             "f_theta": 1.3, "svl": 0.6, "mass": 0.03, "neck_fraction": 0.09, "height": 9.0,
-            "speed": 2.0, "elevation": 5.0, "lift_scale": 1.5, "drag_scale": 0.5,
+            "speed": 2.0, "elevation": 5.0, "heading": 7.0,
+            "lift_scale": 1.5, "drag_scale": 0.5,
             "gravity": 9.0, "air_density": 1.2, "kinematic_viscosity": 1.7e-5}  # fmt: skip
     assert set(case) == set(PARAMETERS)
     glider, launch = build(case, check_setup({}))
     found = {}
     for part in (glider.snake, glider.gait, glider.polar, glider.environment, launch):
         found |= vars(part)
-    for name in ("theta_m", "psi_m", "d_psi", "d_theta", "elevation"):
+    for name in ("theta_m", "psi_m", "d_psi", "d_theta", "elevation", "heading"):
         found[name] = np.rad2deg(found[name])
     found["svl"] = found["length"]
     for name, value in case.items():

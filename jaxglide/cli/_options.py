@@ -49,7 +49,7 @@ def add_output(parser: argparse.ArgumentParser, save: bool = True, plot: bool = 
 _GROUPS = {
     "gait": ("nu_theta", "theta_m", "psi_m", "d_psi", "d_theta", "f_theta"),
     "snake": ("svl", "mass", "neck_fraction"),
-    "launch": ("height", "speed", "elevation"),
+    "launch": ("height", "speed", "elevation", "heading"),
     "air": ("lift_scale", "drag_scale", "gravity", "air_density", "kinematic_viscosity"),
 }
 

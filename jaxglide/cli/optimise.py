@@ -38,10 +38,14 @@ def add(commands) -> None:
     )
     text = "least margin to 85 degrees in yaw, pitch and roll [deg] (10); 'none' for none"
     group.add_argument("--margin", default="10", metavar="X", help=text)
+    text = "least distance between parts of the body, in its greatest chords (1); 'none'"
+    group.add_argument("--clearance", default="1", metavar="X", help=text)
     group.add_argument("--starts", type=whole, default=64, metavar="N", help="starts (64)")
     text = "gaits flown first, of which the best are the starts (512)"
     group.add_argument("--screen", type=whole, default=512, metavar="N", help=text)
     group.add_argument("--steps", type=whole, default=100, metavar="N", help="most steps (100)")
+    text = "most rounds of sampling around the best at the end (20)"
+    group.add_argument("--polish", type=whole, default=20, metavar="N", help=text)
     group.add_argument("--optimiser", choices=("adam", "lbfgs"), default="adam", help="(adam)")
     group.add_argument("--seed", type=whole, default=0, metavar="N", help="of the starts (0)")
     text = "keep evaluations here; the same command goes on from them"
@@ -72,6 +76,25 @@ def _bounds(args) -> dict[str, tuple[float, float]]:
     return {name: given.get(name, OBSERVED.get(name, (0.0, 0.0))) for name in names}
 
 
+def _constraints(args):
+    """Margin and clearance, where they are asked for."""
+    from ..objectives import clearance, stability_margin
+
+    asked = []
+    for objective, text, scale in (
+        (stability_margin, args.margin, 10.0),
+        (clearance, args.clearance, 1.0),
+    ):
+        if text == "none":
+            continue
+        try:
+            asked.append(objective.at_least(float(text), scale))
+        except ValueError:
+            option = objective.name.removeprefix("stability_")
+            raise UsageError(f"--{option} {text!r} is not a number nor 'none'") from None
+    return tuple(asked)
+
+
 def _pictures(args, problem, found) -> list[Path]:
     """Convergence, paths of the starts, and the best glide beside the published one."""
     from ..cases import build
@@ -96,40 +119,37 @@ def _pictures(args, problem, found) -> list[Path]:
 
 
 def _run(args) -> int:
-    from ..objectives import OBJECTIVES, stability_margin
+    from ..objectives import OBJECTIVES
     from ..optimise import Status, optimise, verify
-    from ..problem import Problem
+    from ..problem import Evaluator, Problem
 
-    try:
-        margin = None if args.margin == "none" else float(args.margin)
-    except ValueError:
-        raise UsageError(f"--margin {args.margin!r} is not a number nor 'none'") from None
-    constraints = () if margin is None else (stability_margin.at_least(margin, scale=10.0),)
     problem = Problem(
         OBJECTIVES[args.objective].wanted,
         _bounds(args),
-        constraints,
+        _constraints(args),
         fixed=fixed_of(args),
         setup=setup_of(args),
         rtol=args.rtol,
         atol=args.rtol,
     )
+    screener = Evaluator(problem, gradients=False)
     found = optimise(
         problem,
         starts=args.starts,
         screen=args.screen,
         steps=args.steps,
+        polish=args.polish,
         optimiser=args.optimiser,
         seed=args.seed,
         log=args.log,
+        screener=screener,
     )
-
     write(lambda: found.history, None, args)
     if args.plot is not None and found.feasible:
         for path in _pictures(args, problem, found):
             if not args.json:
                 print(f"wrote {path}")
-    checked = verify(problem, found.best) if found.feasible else None
+    checked = verify(problem, found.best, screener=screener) if found.feasible else None
     sense = OBJECTIVES[args.objective].sense
     order = found.history.best_value.values.argsort()[::-1]
     if args.json:

@@ -188,6 +188,23 @@ class Glide(eqx.Module):
         """`count` equally spaced times [s] from launch to the end, (count,)."""
         return jnp.linspace(0.0, 1.0, count) * self.time
 
+    def view(self, path=None, **options):
+        """An interactive view of this glide, one HTML file; needs `dense=True`.
+
+        Args:
+            path: where to write the file; by default nowhere.
+            **options: as `jaxglide.view.view`.
+
+        Returns:
+            A `jaxglide.view.Page`, which shows itself in a notebook.
+
+        Raises:
+            ValueError, OSError: as `jaxglide.view.view`.
+        """
+        from .view import view  # the front door to a floor above, only when called
+
+        return view(self, path, **options)
+
     def __str__(self) -> str:
         if self.time.ndim:
             outcomes, counts = np.unique(np.asarray(self.outcome), return_counts=True)

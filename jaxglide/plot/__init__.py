@@ -8,12 +8,18 @@ object-oriented interface: no window opens and no global state changes; save one
 from ._style import style
 from .atlas import stable_atlas
 from .bending import bending_grid
+from .body import bent_bodies, body_shape, body_view
 from .coefficients import force_coefficients, glide_polar_figure, morphology
 from .compare import before_and_after
+from .files import open_result
+from .forces import along_body, along_body_lines, along_body_map, forces
 from .glide import angles, glide_overview, side_view, top_view
+from .heatmap import case_scatter, curve, heatmap
 from .optimise import convergence, paths, sensitivity_map
+from .saved import Drawing, draw
 from .shapes import region_outlines, shape_heatmaps
 from .trim import trim_curve
+from .waves import bending_waves, wave_map, wave_maps
 from .windtunnel import (
     bending_moments,
     landing_against_moment,
@@ -24,20 +30,34 @@ from .windtunnel import (
 )
 
 __all__ = [
+    "Drawing",
+    "along_body",
+    "along_body_lines",
+    "along_body_map",
     "angles",
     "before_and_after",
     "bending_grid",
     "bending_moments",
+    "bending_waves",
+    "bent_bodies",
+    "body_shape",
+    "body_view",
+    "case_scatter",
     "convergence",
+    "curve",
+    "draw",
     "force_coefficients",
+    "forces",
     "glide_overview",
     "glide_polar_figure",
+    "heatmap",
     "landing_against_moment",
     "moment_by_bend",
     "moment_by_shape",
     "moment_ratio",
     "moments_in_time",
     "morphology",
+    "open_result",
     "paths",
     "region_outlines",
     "sensitivity_map",
@@ -47,4 +67,6 @@ __all__ = [
     "style",
     "top_view",
     "trim_curve",
+    "wave_map",
+    "wave_maps",
 ]

@@ -2,28 +2,21 @@
 
 from itertools import combinations
 
-import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
 from ..glide import Outcome
-from ..parameters import PARAMETERS
+from ._labels import SYMBOLS as _SYMBOLS  # noqa: F401
+from ._labels import parameter_label
 from ._style import new_figure, style
-
-_SYMBOLS = {
-    "theta_m": r"$\theta_m$",
-    "nu_theta": r"$\nu_\theta$",
-    "d_psi": r"$d_\psi$",
-    "psi_m": r"$\psi_m$",
-    "f_theta": r"$f_\theta$",
-}
 
 
 def stable_atlas(data: xr.Dataset) -> Figure:
     """Share of stable glides over every pair of swept parameters, averaged over the rest.
 
     Args:
-        data: a sweep over a grid of at least two parameters, with `outcome`.
+        data: a sweep over a grid of at least two parameters, with `outcome`, below 0 where
+            a glide was not computed.
 
     Returns:
         The figure: a triangle of maps, one a pair of parameters.
@@ -34,7 +27,8 @@ def stable_atlas(data: xr.Dataset) -> Figure:
     names = [str(name) for name in data.outcome.dims if data.sizes[name] > 1]
     if len(names) < 2 or "case" in names:
         raise ValueError("an atlas needs a sweep over a grid of at least two parameters")
-    stable = 100.0 * (data.outcome == Outcome.LANDED)
+    computed = data.outcome >= 0
+    stable = (100.0 * (data.outcome == Outcome.LANDED)).where(computed)
     count = len(names) - 1
     with style():
         figure = new_figure(width=180.0, height=14 + 40.0 * count)
@@ -47,21 +41,17 @@ def stable_atlas(data: xr.Dataset) -> Figure:
             ax = axes[names.index(y) - 1, names.index(x)]
             ax.set_axis_on()
             share = stable.mean([n for n in names if n not in (x, y)]).transpose(y, x)
-            across, up = data[x].values, data[y].values
+            share = share.sortby([x, y])
+            across, up = share[x].values, share[y].values
             mesh = ax.pcolormesh(
                 across, up, share.values, shading="nearest", vmin=0, vmax=100, cmap="viridis"
             )
             if names.index(y) == count:
-                ax.set_xlabel(_label(x))
+                ax.set_xlabel(parameter_label(x))
             if names.index(x) == 0:
-                ax.set_ylabel(_label(y))
+                ax.set_ylabel(parameter_label(y))
         assert mesh is not None
         figure.colorbar(mesh, ax=axes, shrink=0.5, label="stable glides (%)")
-        total = int(np.prod(data.outcome.shape))
+        total = int(computed.sum())
         figure.suptitle(f"{total} glides: {float(stable.mean()):.1f} % land", fontsize=7.5)
     return figure
-
-
-def _label(name: str) -> str:
-    unit = PARAMETERS[name].unit
-    return f"{_SYMBOLS.get(name, name)} ({unit})" if unit else _SYMBOLS.get(name, name)

@@ -1,0 +1,64 @@
+"""`jaxglide plot`."""
+
+from pathlib import Path
+
+from ._options import UsageError, _suffix, writable
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    plot = commands.add_parser(
+        "plot",
+        help="draw a saved result",
+        description="Draw what a NetCDF file or a sweep's Zarr store holds: by default the "
+        "figure that shows the whole of it, or else one of its variables.",
+        epilog="Examples: jaxglide plot glide.nc --variable lift; jaxglide plot bends.nc "
+        "--variable path_length --x d_psi --y nu_theta --at psi_m=20",
+    )
+    plot.add_argument("file", metavar="FILE", type=Path, help="file (.nc) or store (.zarr)")
+    text = "figure to write (.png, .pdf, .svg); by default FILE's name with .png, here"
+    plot.add_argument("--out", metavar="FILE", type=Path, help=text)
+    text = "variable to draw; of a glide also waves, theta, psi, body, bends and forces"
+    plot.add_argument("--variable", metavar="NAME", help=text)
+    plot.add_argument("--x", metavar="NAME", help="dimension across")
+    plot.add_argument("--y", metavar="NAME", help="dimension up")
+    text = "where, in another dimension; may be repeated"
+    plot.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help=text)
+    plot.set_defaults(run=_run, save=None, plot=None)
+
+
+def _where(texts: list[str]) -> dict:
+    """Coordinates given with --at, by name: numbers where they are numbers."""
+    found = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise UsageError(f"--at {text!r} is not NAME=VALUE")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            found[name] = value
+    return found
+
+
+def _run(args) -> int:
+    out = args.out or Path(args.file.resolve().name).with_suffix(".png")
+    _suffix(out, "--out", (".png", ".pdf", ".svg"))
+    writable(out)
+    at = _where(args.at)
+
+    from ..plot.files import open_result
+    from ..plot.saved import draw
+
+    data = open_result(args.file)
+    try:
+        drawing = draw(data, args.variable, x=args.x, y=args.y, at=at)
+    except ValueError as error:
+        raise ValueError(f"{args.file}: {error}") from error
+    drawing.figure.savefig(out, dpi=200)
+    computed, total = data.attrs.get("computed"), data.attrs.get("total")
+    if computed != total:
+        print(f"{args.file} is not finished: {computed} of {total} glides are there")
+    print(f"drew {drawing.said}")
+    print(f"wrote {out}")
+    return 0

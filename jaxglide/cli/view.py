@@ -1,0 +1,124 @@
+"""`jaxglide view`."""
+
+from pathlib import Path
+
+from ..parameters import PARAMETERS
+from ._options import (
+    UsageError,
+    a_number,
+    add_glider,
+    add_tolerances,
+    build_from,
+    case_of,
+    setup_of,
+    writable,
+)
+
+_KINDS = (".html", ".gif", ".mp4", ".png")
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    view = commands.add_parser(
+        "view",
+        help="look at a glide in 3D",
+        description="Fly a glide and write a file that plays it: an interactive page (.html), "
+        "an animation (.gif, .mp4) or a still (.png).",
+        epilog="Example: jaxglide view --compare f_theta=0 --out undulation.html",
+    )
+    add_glider(view)
+    add_tolerances(view)
+    group = view.add_argument_group("output")
+    text = "another glide in the same view, with this parameter changed; may be repeated"
+    group.add_argument(
+        "--compare", action="append", default=[], metavar="NAME=VALUE", help=text
+    )
+    text = "file to write: .html, .gif, .mp4 or .png (glide.html)"
+    group.add_argument(
+        "--out", type=Path, default=Path("glide.html"), metavar="FILE", help=text
+    )
+    group.add_argument("--title", help="heading (says from where the glide starts)")
+    text = "frames a second: of flight for .html (60), of the animation for .gif and .mp4 (20)"
+    group.add_argument("--frames-per-second", type=a_number, metavar="X", help=text)
+    text = "seconds of flight shown in a second of .gif and .mp4 (0.25)"
+    group.add_argument("--playback", type=a_number, default=0.25, metavar="X", help=text)
+    text = "time in flight of a .png [s] (at 40 %% of the glide)"
+    group.add_argument("--at", type=a_number, metavar="X", help=text)
+    view.set_defaults(run=_run, save=None, plot=None)
+
+
+def _changes(args) -> list[tuple[str, float]]:
+    """Names and values given with --compare."""
+    changes = []
+    for text in args.compare:
+        name, _, value = text.partition("=")
+        if name not in PARAMETERS:
+            raise UsageError(
+                f"--compare {text!r}: no parameter {name!r}; known are {', '.join(PARAMETERS)}"
+            )
+        try:
+            changes.append((name, float(value)))
+        except ValueError:
+            raise UsageError(f"--compare {text!r} is not NAME=VALUE") from None
+    return changes
+
+
+def _words(case: dict, names) -> str:
+    """The named parameters of a case with their units."""
+    return ", ".join(f"{n} = {case[n]:g} {PARAMETERS[n].unit}".rstrip() for n in names)
+
+
+def _glides(args, changes):
+    """The glides to show, and their labels."""
+    from ..cases import build, check_parameters, check_setup, full_case
+    from ..glide import simulate
+
+    given, setup = case_of(args), check_setup(setup_of(args))
+    cases = [given, *({**given, name: value} for name, value in changes)]
+    for case in cases:
+        check_parameters(case)
+    compared = list(dict.fromkeys(name for name, _ in changes))
+    full = full_case(given)
+    stated = [name for name in compared if full[name] is not None]
+    labels = [_words(full, stated) or "as given"]
+    labels += [_words({name: value}, [name]) for name, value in changes]
+
+    def fly(glider, launch):
+        return simulate(
+            glider, launch, rtol=args.rtol, atol=args.atol, dense=True, max_steps=20_000
+        )
+
+    glides = [fly(*build_from(args)), *(fly(*build(case, setup)) for case in cases[1:])]
+    return glides, labels
+
+
+def _run(args) -> int:
+    import numpy as np
+
+    out = args.out
+    if out.suffix not in _KINDS:
+        raise UsageError(f"--out {out}: the name must end in {' or '.join(_KINDS)}")
+    writable(out)
+    changes = _changes(args)
+
+    from .. import view
+
+    if out.suffix == ".mp4":
+        view.check_path(out)
+    glides, labels = _glides(args, changes)
+    named: dict = {"labels": labels if changes else ["glide"], "title": args.title}
+    given = args.frames_per_second
+    if out.suffix == ".html":
+        view.view(glides, out, rate=60.0 if given is None else given, **named)
+    elif out.suffix == ".png":
+        view.still(glides, out, time=args.at, **named)
+    else:
+        named |= {"frames_per_second": 20.0 if given is None else given}
+        view.animate(glides, out, playback=args.playback, **named)
+    for glide, label in zip(glides, named["labels"], strict=True):
+        lines = str(glide).splitlines()
+        print(lines[0] if not changes else f"{label}: {lines[0]}")
+    size = np.round(out.stat().st_size / 1e6, 2)
+    hint = ": open it in a browser" if out.suffix == ".html" else ""
+    print(f"wrote {out} ({size:g} MB){hint}")
+    return 0

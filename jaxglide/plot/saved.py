@@ -1,0 +1,211 @@
+"""The right picture for a saved result (floor 6)."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..glide import Glide
+from ._restore import glide_of
+from .atlas import stable_atlas
+from .bending import bending_grid
+from .body import bent_bodies, body_shape
+from .forces import along_body_map, forces
+from .glide import angles, glide_overview, side_view
+from .heatmap import case_scatter, curve, heatmap, numeric, selected, variable_of, varied
+from .measured import measured_gaits
+from .optimise import convergence, paths
+from .shapes import shape_heatmaps
+from .waves import wave_map, wave_maps
+from .windtunnel import moment_by_bend, moments_in_time
+
+
+class Drawing(NamedTuple):
+    """A figure, and in words what it shows."""
+
+    figure: Figure
+    said: str
+
+
+class Wanted(NamedTuple):
+    """What a user asks for: a variable, dimensions across and up, coordinates of others."""
+
+    variable: str | None
+    x: str | None
+    y: str | None
+    at: dict[str, Any]
+
+    @property
+    def nothing(self) -> bool:
+        """Whether nothing in particular was asked for."""
+        return not (self.variable or self.x or self.y or self.at)
+
+
+def kind_of(data: xr.Dataset) -> str:
+    """What a dataset holds.
+
+    Returns:
+        "glide", "optimisation", "held glides", "measured flights", "shape space", "sweep"
+        or, for another result, "dataset".
+    """
+    has, dims = set(data.variables), set(data.dims)
+    if {"time", "node"} <= dims and "body" in has:
+        return "glide"
+    if {"step", "start", "parameter"} <= dims and "best_point" in has:
+        return "optimisation"
+    if {"record", "phase", "about"} <= dims:
+        return "held glides"
+    if {"trial", "wave", "mode"} <= dims:
+        return "measured flights"
+    if "outcome" in has and "region" in has:
+        return "shape space"
+    return "sweep" if {"outcome", "landing_point"} <= has else "dataset"
+
+
+def draw(
+    data: xr.Dataset,
+    variable: str | None = None,
+    *,
+    x: str | None = None,
+    y: str | None = None,
+    at: Mapping[str, Any] | None = None,
+) -> Drawing:
+    """The figure for a saved result, or for one of its variables.
+
+    Args:
+        data: as `files.open_result` gives it.
+        variable: what to draw; by default what best shows the whole result.
+        x, y: dimensions across and up; by default those of the variable that vary.
+        at: coordinates, by name, of its other dimensions, such as `{"axis": "y"}`.
+
+    Returns:
+        The figure, and in words what it shows.
+
+    Raises:
+        ValueError: no such variable, dimension or coordinate, or a dimension is left over;
+            the message says which there are.
+    """
+    wanted = Wanted(variable, x, y, dict(at or {}))
+    draw_kind = {
+        "glide": _glide,
+        "optimisation": _optimisation,
+        "held glides": _held,
+        "measured flights": _measured,
+        "shape space": _shapes,
+        "sweep": _sweep,
+    }.get(kind_of(data), _variable)
+    return draw_kind(data, wanted)
+
+
+def _alone(ax: Axes, said: str) -> Drawing:
+    return Drawing(ax.figure, said)  # type: ignore
+
+
+def _glide(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    name = wanted.variable
+    if wanted.x or wanted.y or wanted.at:
+        return _variable(data, wanted)
+    if name is None:
+        return Drawing(glide_overview(glide_of(data)), "the glide")
+    if name == "forces":
+        return Drawing(forces(data), "forces over time and body")
+    if name in ("position", "angles"):
+        ax = (side_view if name == "position" else angles)(glide_of(data))
+        return _alone(ax, f"{name} of the glide")
+    if name in _SHAPES:
+        return _shape(glide_of(data), name)
+    if name in data and set(data[name].dims) == {"time", "node"}:
+        return _alone(along_body_map(data, name), f"{name} over time and body")
+    return _variable(data, wanted)
+
+
+_SHAPES = ("theta", "psi", "waves", "body", "bends")
+
+
+def _shape(glide: Glide, name: str) -> Drawing:
+    """The waves of a glide, and the shapes of the body that they make."""
+    gait, snake, phase = glide.glider.gait, glide.glider.snake, float(glide.take_off.phi_theta)
+    if name == "body":
+        return Drawing(body_shape(gait, snake, phase=phase), "the body at launch")
+    if name == "bends":
+        return Drawing(bent_bodies(gait, snake, phase=phase), "the body at five bends")
+    time = float(glide.time)
+    if name == "waves":
+        figure = wave_maps(gait, snake, duration=time, phi_theta=phase)
+        return Drawing(figure, "the waves over time and body")
+    ax = wave_map(gait, snake, wave=name, duration=time, phi_theta=phase)
+    return _alone(ax, f"the wave {name} over time and body")
+
+
+def _optimisation(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    if wanted.nothing:
+        return Drawing(convergence(data), "the search, step by step")
+    if wanted.x and wanted.y and not wanted.variable and not wanted.at:
+        figure = paths(data, parameters=(wanted.x, wanted.y))
+        return Drawing(figure, f"paths of the starts over {wanted.x} and {wanted.y}")
+    return _variable(data, wanted._replace(variable=wanted.variable or "value"))
+
+
+def _held(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    if not wanted.nothing:
+        return _variable(data, wanted)
+    many = all(np.unique(data[n]).size > 1 for n in ("d_psi", "nu_theta") if n in data.coords)
+    level = "psi_m" not in data.coords or np.unique(data["psi_m"]).size == 1
+    if {"d_psi", "nu_theta"} <= set(data.coords) and many and level:
+        return _alone(moment_by_bend(data), "mean pitch moment by bend and shape")
+    return Drawing(moments_in_time(data), "moments in time of the first case")
+
+
+def _measured(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    if wanted.nothing:
+        return Drawing(measured_gaits(data), "the gaits of all flights")
+    return _variable(data, wanted)
+
+
+def _shapes(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    if wanted.nothing:
+        return Drawing(shape_heatmaps(data), "height lost and path length over the shapes")
+    return _sweep(data, wanted)
+
+
+def _sweep(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    whole = wanted.variable in (None, "position", "angles") and not (wanted.x or wanted.y)
+    listed = {"sample", "case"} <= set(data.dims)
+    if whole and listed and {"psi_m", "d_psi", "nu_theta"} <= set(data.coords):
+        quantity = "pitch" if wanted.variable == "angles" else "path"
+        return Drawing(bending_grid(data, quantity), f"{quantity}s by bend and shape")
+    if wanted.nothing and len(varied(data["outcome"])) > 2:
+        return Drawing(stable_atlas(data), "share of stable glides over every pair")
+    if wanted.variable is None:
+        at = {"axis": "y", **wanted.at}
+        wanted = wanted._replace(variable="landing_point", at=at)
+    return _variable(data, wanted)
+
+
+def _variable(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    """Any variable over one or two of its dimensions, or over the cases of a list."""
+    if wanted.variable is None:
+        raise ValueError(f"name a variable: {', '.join(numeric(data))}")
+    name, at = wanted.variable, wanted.at
+    values = selected(variable_of(data, name), at)
+    where = "".join(
+        f", {n} {v:g}" if isinstance(v, float) else f", {n} {v}" for n, v in at.items()
+    )
+    if "case" in values.dims and values.sizes["case"] > 1:
+        found = [str(n) for n, c in data.coords.items() if c.dims == ("case",)]
+        x = wanted.x or next((n for n in found if np.unique(data[n]).size > 1), found[0])
+        rest = (n for n in found if n != x and np.unique(data[n]).size > 1)
+        y = wanted.y or (None if wanted.x else next(rest, None))
+        ax = case_scatter(data, name, x, y, at=at)
+        return _alone(ax, f"{name}{where} over the cases' {x}" + (f" and {y}" if y else ""))
+    free = [n for n in varied(values) if n not in (wanted.x, wanted.y)]
+    x = wanted.x or (free.pop() if free else None)
+    y = wanted.y or (free.pop() if free and not wanted.x else None)
+    if x is None:
+        raise ValueError(f"{name}{where} is a single number: there is nothing to draw over")
+    if y is None:
+        return _alone(curve(data, name, x, at=at), f"{name}{where} over {x}")
+    return _alone(heatmap(data, name, x, y, at=at), f"{name}{where} over {x} and {y}")

@@ -2,9 +2,12 @@
 
 import argparse
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import xarray as xr
 
 from jaxglide.cli import configure
 
@@ -39,6 +42,16 @@ def arguments(description: str | None) -> Options:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     return Options(given.out, given.resume, given.size)
+
+
+def flights() -> xr.Dataset:
+    """The measured flights of the public data folder that JAXGLIDE_FLIGHTS names."""
+    folder = os.environ.get("JAXGLIDE_FLIGHTS")
+    if not folder:
+        raise SystemExit("set JAXGLIDE_FLIGHTS to a folder with the study's public recordings")
+    from jaxglide.measured import flights_dataset, measure_folder
+
+    return flights_dataset(measure_folder(folder, progress=True))
 
 
 def _text(value) -> str:

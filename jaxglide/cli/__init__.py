@@ -4,13 +4,39 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from . import figure, glide, gradient, optimise, shapes, sweep, trim, windtunnel
+from . import (
+    compare,
+    figure,
+    glide,
+    gradient,
+    measure,
+    optimise,
+    plot,
+    shapes,
+    sweep,
+    trim,
+    view,
+    windtunnel,
+)
 from ._options import UsageError, check_output
 from ._setup import configure
 
 __all__ = ["configure", "main"]
 
-COMMANDS = (glide, shapes, sweep, windtunnel, trim, gradient, optimise, figure)
+COMMANDS = (
+    glide,
+    shapes,
+    sweep,
+    windtunnel,
+    trim,
+    gradient,
+    optimise,
+    measure,
+    compare,
+    plot,
+    view,
+    figure,
+)
 
 
 def _parser() -> argparse.ArgumentParser:

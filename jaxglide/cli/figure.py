@@ -20,6 +20,9 @@ _FIGURES = {
     "trim-and-distance": "trim_and_distance.py",
     "robustness": "robustness.py",
     "search-cost": "search_cost.py",
+    "measured-flights": "measured_flights.py",
+    "fit-forces": "fit_forces.py",
+    "gallery": "gallery.py",
 }
 
 

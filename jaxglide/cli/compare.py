@@ -1,0 +1,109 @@
+"""`jaxglide compare`."""
+
+import json
+from pathlib import Path
+
+from ..parameters import CHOICES
+from ._options import UsageError, a_number, add_output, write
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    compare = commands.add_parser(
+        "compare",
+        help="measured flights beside their simulations",
+        description="Fly every measured flight from its measured start with its measured gait, "
+        "and compare the paths (the paper's figure 3). DATA is a folder of recordings, as for "
+        "`jaxglide measure`, or a file that it saved.",
+        epilog="Example: jaxglide compare flights --plots figures",
+    )
+    compare.add_argument("data", metavar="DATA", type=Path, help="folder, or NetCDF file (.nc)")
+    group = compare.add_argument_group("model")
+    for name in ("polar", "node_set"):
+        choices = CHOICES[name]
+        flag = f"--{name.replace('_', '-')}"
+        group.add_argument(flag, choices=choices, default=choices[0], help=f"({choices[0]})")
+    for name in ("lift", "drag"):
+        text = f"multiplier on the {name} coefficient (1)"
+        group.add_argument(
+            f"--{name}-scale", type=a_number, default=1.0, metavar="X", help=text
+        )
+    text = "draw the comparison into this folder (PNG)"
+    compare.add_argument("--plots", type=Path, metavar="FOLDER", help=text)
+    add_output(compare, plot=False)
+    compare.set_defaults(run=_run)
+
+
+def measured_flights(path: Path, quiet: bool):
+    """The flights of a folder of recordings, or of a file saved by `jaxglide measure`."""
+    import xarray as xr
+
+    if path.is_dir():
+        from ..measured import flights_dataset, measure_folder
+
+        return flights_dataset(measure_folder(path, progress=not quiet))
+    if not path.exists():
+        raise UsageError(f"{path}: there is no such folder or file")
+    try:
+        return xr.load_dataset(path, engine="h5netcdf")
+    except (OSError, ValueError):
+        raise UsageError(f"{path} is not a NetCDF file") from None
+
+
+def _draw(folder: Path, flown) -> list[Path]:
+    from ..plot._style import new_figure
+    from ..plot.flights import distances, every_flight, measured_and_simulated
+
+    written = []
+    alone = new_figure(height=90.0)
+    alone.set_layout_engine("constrained")
+    distances(flown, alone.add_subplot())
+    for name, figure in (
+        ("paths", measured_and_simulated(flown)),
+        ("every_flight", every_flight(flown)),
+        ("distances", alone),
+    ):
+        written.append(folder / f"{name}.png")
+        figure.savefig(written[-1], dpi=200)
+    return written
+
+
+def _run(args) -> int:
+    from ..comparison import compare_paths, summary
+    from ..flights import fly_flights
+    from ..glide import Outcome
+
+    if args.plots is not None:
+        args.plots.mkdir(parents=True, exist_ok=True)
+    data = measured_flights(args.data, args.json)
+    flown = fly_flights(
+        data,
+        polar=args.polar,
+        node_set=args.node_set,
+        lift_scale=args.lift_scale,
+        drag_scale=args.drag_scale,
+    )
+    compared = compare_paths(flown)
+    write(lambda: flown.merge(compared), None, args)
+    written = [] if args.plots is None else _draw(args.plots, flown)
+    outcomes = [str(Outcome(int(code))) for code in flown.outcome.values]
+    if args.json:
+        names = [str(name) for name in compared.data_vars]
+        rows = [
+            {"trial": trial, "outcome": outcomes[row]}
+            | {name: compared[name].values[row].item() for name in names}
+            for row, trial in enumerate(compared.trial.values.tolist())
+        ]
+        print(json.dumps({"flights": rows}))
+        return 0
+    print("trial  snake  measured m  simulated m  apart m  simulation")
+    for row, outcome in enumerate(outcomes):
+        one = compared.isel(trial=row)
+        lengths = float(one.distance_measured), float(one.distance_simulated)
+        back = ", did not shallow" if one.turned_simulated else ""
+        cells = f"{lengths[0]:10.2f}  {lengths[1]:11.2f}  {float(one.path_error):7.2f}"
+        print(f"{one.trial.item():>5}  {one.snake.item():>5}  {cells}  {outcome}{back}")
+    print(summary(compared))
+    for path in written:
+        print(f"wrote {path}")
+    return 0

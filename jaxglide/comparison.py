@@ -1,0 +1,100 @@
+"""Measured and simulated paths beside each other (floor 5)."""
+
+import numpy as np
+import xarray as xr
+
+_HEIGHTS = 100  # at which paths are compared
+
+
+def _finite(path: np.ndarray) -> np.ndarray:
+    return path[np.isfinite(path).all(axis=1)]
+
+
+def at_heights(path: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Where a path first comes down to each height, linearly between its points.
+
+    Args:
+        path: (T, 3) [m].
+        heights: [m], (K,), within the path's.
+
+    Returns:
+        Points, (K, 3).
+    """
+    lowest = np.minimum.accumulate(path[:, 2])
+    # Where the path climbs, its lowest height so far stays: np.interp takes the first.
+    falling = np.concatenate([[True], np.diff(lowest) < 0])
+    down = path[falling]
+    return np.stack(
+        [np.interp(-heights, -down[:, 2], coordinate) for coordinate in down.T], axis=1
+    )
+
+
+def compare_paths(flown: xr.Dataset) -> xr.Dataset:
+    """Distances and path errors of measured flights and their simulations.
+
+    Both paths are followed from their common start to the height where the first of them
+    ends, and compared at equal heights.
+
+    Args:
+        flown: from `fly_flights`, over trial.
+
+    Returns:
+        Dataset over trial: the end height, the horizontal distance from start to there,
+        measured and simulated [m], the root mean square horizontal distance between the
+        paths at equal heights [m], and whether each ends behind its farthest forward point
+        (it "did not shallow").
+    """
+    rows = []
+    for trial in flown["trial"].values:
+        one = flown.sel(trial=trial)
+        paths = [_finite(one[name].values) for name in ("position", "path")]
+        paths[1] = np.vstack([paths[1], one["end"].values])
+        top = min(path[0, 2] for path in paths)
+        end = max(path[:, 2].min() for path in paths)
+        heights = np.linspace(top, end, _HEIGHTS)
+        measured, simulated = (at_heights(path, heights) for path in paths)
+        apart = np.linalg.norm((measured - simulated)[:, :2], axis=1)
+        lengths = [np.linalg.norm((p[-1] - p[0])[:2]) for p in (measured, simulated)]
+        turned = [path[-1, 1] < path[:, 1].max() - 1e-6 for path in paths]
+        rows.append((end, *lengths, np.sqrt(np.mean(apart**2)), *turned))
+    names = {
+        "end_height": ("m", "height down to which the paths are compared"),
+        "distance_measured": ("m", "horizontal distance measured"),
+        "distance_simulated": ("m", "horizontal distance simulated"),
+        "path_error": ("m", "root mean square distance at equal heights"),
+        "turned_measured": ("", "measured flight ends behind its farthest point"),
+        "turned_simulated": ("", "simulated flight ends behind its farthest point"),
+    }
+    columns = zip(*rows, strict=True)
+    return xr.Dataset(
+        {
+            name: (("trial",), np.array(values), {"units": unit, "long_name": long_name})
+            for (name, (unit, long_name)), values in zip(names.items(), columns, strict=True)
+        },
+        coords={name: flown[name] for name in ("trial", "snake")},
+    )
+
+
+def summary(compared: xr.Dataset) -> str:
+    """What a comparison shows, in a few lines."""
+    measured, simulated = (
+        compared[f"distance_{name}"].values for name in ("measured", "simulated")
+    )
+    error = compared["path_error"].values
+    turned = compared["trial"].values[compared["turned_simulated"].values]
+    several = len(measured) > 1
+    spread = [x.std(ddof=1) if several else 0.0 for x in (measured, simulated)]
+    correlation = np.corrcoef(measured, simulated)[0, 1] if several else np.nan
+    return "\n".join(
+        [
+            f"{len(measured)} flights; horizontal distance to a common end height:",
+            f"  measured   {measured.mean():.2f} +- {spread[0]:.2f} m",
+            f"  simulated  {simulated.mean():.2f} +- {spread[1]:.2f} m, "
+            f"{simulated.mean() / measured.mean():.2f} of it, correlation {correlation:.2f}, "
+            f"farther in {int((simulated > measured).sum())}",
+            f"  paths apart at equal heights {error.mean():.2f} m (median "
+            f"{np.median(error):.2f} m)",
+            f"  did not shallow: measured {int(compared['turned_measured'].sum())}, "
+            f"simulated {len(turned)}" + (f" ({', '.join(turned)})" if len(turned) else ""),
+        ]
+    )

@@ -1,0 +1,212 @@
+"""Measured flights, flown by the model (floor 5).
+
+Each flight is a measured path with the gait, length, mass and start of the animal, as in the
+dataset of `jaxglide.measured` (read from its file, or made there; this module only needs its
+variables). All of them fly as one vmapped computation.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from ._checks import check_choice, check_range
+from ._types import Array, Float, Scalar
+from .dynamics import ANGLES, POSITION, VELOCITY, Glider
+from .gait import Gait
+from .glide import Outcome, simulate
+from .launch import Launch
+from .parameters import CHOICES
+from .polar import Polar
+from .records import stamp
+from .snake import Snake
+
+SPACING = 0.01
+"""Distance between nodes of the published simulations of measured flights [m]."""
+NECK = 0.075
+"""End of the neck over SVL there, rounded down to a node."""
+GAUSS_NODES = 60
+
+_GAIT = ("nu_theta", "theta_m", "psi_m", "d_psi", "f_theta")
+_NEEDED = (*_GAIT, "svl", "mass", "start_position", "start_velocity", "time", "position")
+_SAMPLES = 401  # times of a simulated path
+_LONGEST = 4.0  # s
+
+
+class Measured(eqx.Module):
+    """N measured flights as arrays, in SI units and radians.
+
+    Attributes:
+        nu_theta, theta_m, psi_m, d_psi, f_theta: the gait, (N,).
+        svl, mass, neck_fraction: of the animals [m, kg, of SVL], (N,).
+        height, speed, elevation, heading: of the launch [m, m/s, rad, rad], (N,).
+    """
+
+    nu_theta: Float[Array, " N"]
+    theta_m: Float[Array, " N"]
+    psi_m: Float[Array, " N"]
+    d_psi: Float[Array, " N"]
+    f_theta: Float[Array, " N"]
+    svl: Float[Array, " N"]
+    mass: Float[Array, " N"]
+    neck_fraction: Float[Array, " N"]
+    height: Float[Array, " N"]
+    speed: Float[Array, " N"]
+    elevation: Float[Array, " N"]
+    heading: Float[Array, " N"]
+
+
+def check_flights(data: xr.Dataset) -> None:
+    """Raise `ValueError` where a dataset lacks what a simulation needs."""
+    for name in _NEEDED:
+        if name not in data:
+            raise ValueError(f"the flights have no variable {name!r}: see jaxglide.measured")
+    for name in (*_GAIT, "svl", "mass", "start_position", "start_velocity"):
+        check_range(name, data[name].values, data[name].attrs.get("units", ""))
+
+
+def measured_of(data: xr.Dataset) -> Measured:
+    """The flights of a dataset.
+
+    Args:
+        data: as `jaxglide.measured.flights_dataset` makes it, over trial.
+
+    Raises:
+        ValueError: a variable is missing or not finite.
+    """
+    check_flights(data)
+    svl = data["svl"].values
+    velocity = data["start_velocity"].values
+    x, y, z = velocity.T
+    angles = {name: np.deg2rad(data[name].values) for name in ("theta_m", "psi_m", "d_psi")}
+    return Measured(
+        nu_theta=jnp.asarray(data["nu_theta"].values),
+        f_theta=jnp.asarray(data["f_theta"].values),
+        **{name: jnp.asarray(values) for name, values in angles.items()},
+        svl=jnp.asarray(svl),
+        mass=jnp.asarray(data["mass"].values),
+        neck_fraction=jnp.asarray((np.floor(NECK * svl / SPACING) + 0.5) * SPACING / svl),
+        height=jnp.asarray(data["start_position"].values[:, 2]),
+        speed=jnp.asarray(np.linalg.norm(velocity, axis=1)),
+        elevation=jnp.asarray(np.arctan2(z, np.hypot(x, y))),
+        heading=jnp.asarray(np.arctan2(-x, y)),
+    )
+
+
+def node_count(svl: np.ndarray) -> int:
+    """Nodes of the published set that serve all lengths [m]."""
+    return int(np.ceil(np.max(svl) / SPACING - 1e-6))
+
+
+def build_flight(flight: Measured, polar: Polar, nodes: int | None) -> tuple[Glider, Launch]:
+    """Glider and launch of one flight (fields without N); may be traced.
+
+    Args:
+        flight: one of `Measured`.
+        polar: the force coefficients.
+        nodes: of the published set at 1 cm (see `node_count`), or None for 60 Gauss nodes.
+    """
+    fields: dict[str, Any] = {"nodes": GAUSS_NODES, "node_set": "gauss"}
+    if nodes is not None:
+        fields = {"nodes": nodes, "node_set": "published", "spacing": SPACING}
+    snake = Snake(flight.svl, flight.mass, flight.neck_fraction, **fields)
+    waves = {name: getattr(flight, name) for name in _GAIT}
+    launch = Launch(
+        flight.height, flight.speed, elevation=flight.elevation, heading=flight.heading
+    )
+    return Glider(snake, Gait(**waves), polar), launch
+
+
+def _fly(flights: Measured, polar: Polar, times, tolerance: Scalar, nodes: int | None):
+    def one(flight):
+        glider, launch = build_flight(flight, polar, nodes)
+        options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance, "times": times}
+        glide = simulate(glider, launch, max_time=_LONGEST, **options)
+        return glide.states, glide.state, glide.time, glide.outcome, glide.take_off
+
+    return jax.vmap(one)(flights)
+
+
+_fly_all = eqx.filter_jit(_fly)
+
+
+def fly_flights(
+    data: xr.Dataset,
+    *,
+    polar: str = "published",
+    node_set: str = "published",
+    lift_scale: float = 1.0,
+    drag_scale: float = 1.0,
+    tolerance: float = 1e-8,
+) -> xr.Dataset:
+    """Simulate measured flights from their measured start with their measured gait.
+
+    Args:
+        data: the measured flights, over trial.
+        polar: "published" or "smooth".
+        node_set: "published" (1 cm apart, as the paper) or "gauss".
+        lift_scale, drag_scale: multipliers of the force coefficients.
+        tolerance: of a step.
+
+    Returns:
+        Dataset over trial: simulated path and attitude in time, the end, the launch, beside
+        the measured path, in the axes of the recording.
+
+    Raises:
+        ValueError: a variable is missing or not finite, or an argument out of range.
+    """
+    check_choice("node_set", node_set, CHOICES["node_set"])
+    check_range("tolerance", tolerance, "", 0, 0.1, low_open=True)
+    flights = measured_of(data)
+    nodes = node_count(data["svl"].values) if node_set == "published" else None
+    air = Polar.from_name(polar, lift_scale, drag_scale)
+    times = jnp.linspace(0.0, _LONGEST, _SAMPLES)
+    flown = _fly_all(flights, air, times, jnp.asarray(tolerance), nodes)
+    states, end, ended, outcome, take_off = (jax.tree.map(np.asarray, part) for part in flown)
+    across = data["start_position"].values * np.array([1.0, 1.0, 0.0])
+    vector, angles = ("trial", "time_simulated", "axis"), ["yaw", "pitch", "roll"]
+    variables = {
+        "path": (vector, states[..., POSITION] + across[:, None], "m", "simulated path"),
+        "simulated_velocity": (vector, states[..., VELOCITY], "m/s", "simulated velocity"),
+        "attitude": (
+            ("trial", "time_simulated", "angle"),
+            np.rad2deg(states[..., ANGLES]),
+            "deg",
+            "simulated attitude",
+        ),
+        "end": (("trial", "axis"), end[:, POSITION] + across, "m", "end of the simulation"),
+        "end_attitude": (
+            ("trial", "angle"),
+            np.rad2deg(end[:, ANGLES]),
+            "deg",
+            "attitude there",
+        ),
+        "end_time": (("trial",), ended, "s", "duration of the simulation"),
+        "outcome": (("trial",), outcome.astype(np.int32), "", "how it ended"),
+        "phi_theta": (("trial",), take_off.phi_theta, "rad", "launch phase"),
+        "launch_attitude": (
+            ("trial", "angle"),
+            np.rad2deg(take_off.angles),
+            "deg",
+            "launch attitude",
+        ),
+    }
+    found = xr.Dataset(
+        {
+            name: (dims, values, {"units": unit, "long_name": long_name})
+            for name, (dims, values, unit, long_name) in variables.items()
+        },
+        coords={"time_simulated": ("time_simulated", np.asarray(times), {"units": "s"})}
+        | {"angle": angles, "axis": ["x", "y", "z"]}
+        | {name: data[name] for name in ("trial", "snake")},
+    )
+    found["outcome"].attrs |= {
+        "flag_values": np.array([int(o) for o in Outcome], np.int32),
+        "flag_meanings": " ".join(str(o).replace(" ", "_") for o in Outcome),
+    }
+    about = {"polar": polar, "node_set": node_set, "tolerance": tolerance}
+    about |= {"lift_scale": lift_scale, "drag_scale": drag_scale}
+    return stamp(found.merge(data[["time", "position", "svl"]]), about)

@@ -1,0 +1,141 @@
+"""Force multipliers fitted to measured flights: known ones are found again."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from test_flights import dataset
+
+from jaxglide.fit import SCALES, Fitter, fitted_dataset
+from jaxglide.flights import fly_flights
+
+TRUE = {"lift_scale": 1.3, "drag_scale": 0.8}
+NOISE = 0.01  # m
+DURATION = 0.9  # s
+
+
+@pytest.fixture(scope="module")
+def made(golden):
+    """Six flights of three animals with known multipliers, their paths with noise."""
+    entries = golden("simulated_flights")
+    few = [e for e in entries if not e["simulated"]["stopped_by_angle"]][:6]
+    data = dataset(few)
+    flown = fly_flights(data, polar="smooth", node_set="gauss", **TRUE, tolerance=1e-7)
+    kept = flown.time_simulated.values <= DURATION
+    paths = flown.path.values[:, kept]
+    assert np.isfinite(paths).all()
+    rng = np.random.default_rng(0)
+    paths[:, 1:] += NOISE * rng.normal(size=paths[:, 1:].shape)
+    times = np.broadcast_to(flown.time_simulated.values[kept], paths.shape[:2])
+    data = data.drop_vars(["time", "position"]).assign(
+        time=(("trial", "frame"), times), position=(("trial", "frame", "axis"), paths)
+    )
+    return data.assign_coords(snake=("trial", ["A", "A", "B", "B", "C", "C"]))
+
+
+@pytest.fixture(scope="module")
+def fitter(made):
+    return Fitter(made)
+
+
+@pytest.fixture(scope="module")
+def fit(fitter):
+    return fitter.fit(starts=3)
+
+
+def test_known_multipliers_are_found_again_within_their_uncertainty(fit):
+    for k, (name, true) in enumerate(TRUE.items()):
+        error = np.log(fit.scales[name] / true)
+        assert abs(error) < 3 * fit.relative_errors[k], name
+        assert abs(error) < 0.02
+        assert 1e-4 < fit.relative_errors[k] < 0.02
+
+
+def test_all_starts_end_at_the_same_answer(fit):
+    assert fit.converged.all()
+    assert np.ptp(fit.starts, axis=0).min() > 0.1
+    np.testing.assert_allclose(fit.ends, np.broadcast_to(fit.ends[0], (3, 2)), rtol=2e-3)
+    assert np.ptp(fit.misfits) < 1e-4 * fit.misfits.min()
+
+
+def test_what_is_left_is_the_noise(fit):
+    """Three coordinates with the noise each; without the fit far more."""
+    assert fit.misfit == pytest.approx(np.sqrt(3) * NOISE, rel=0.15)
+    assert fit.misfit_before > 5 * fit.misfit
+    assert (fit.errors < fit.errors_before).all()
+
+
+def test_the_uncertainty_is_that_of_repeated_measurements(fitter, fit):
+    """Against the least-squares formula with independent noise of known size."""
+    y = fitter.start(tuple(fit.scales.values()))
+    apart, slopes = fitter.sensitivities(y)
+    flat = slopes.reshape(-1, 2)
+    expected = np.linalg.inv(flat.T @ flat) * np.mean(apart**2)
+    # few flights: the spread of their gradients is only roughly known
+    ratio = np.diag(fit.covariance) / np.diag(expected)
+    assert (ratio > 0.1).all()
+    assert (ratio < 10).all()
+    step = 1e-3
+    for k in range(2):
+        shift = step * np.eye(2)[k]
+        ahead, _ = fitter.sensitivities((y[0] + shift, y[1]))
+        behind, _ = fitter.sensitivities((y[0] - shift, y[1]))
+        difference = (ahead - behind) / (2 * step)
+        scale = np.abs(slopes[..., k]).max()
+        np.testing.assert_allclose(slopes[..., k], difference, atol=2e-3 * scale)
+
+
+def test_left_out_animals_are_predicted(fitter, fit):
+    start = fitter.start(tuple(fit.scales.values()))
+    rows = fitter.leave_out(start=start)
+    assert [row["animal"] for row in rows] == ["A", "B", "C"]
+    for row in rows:
+        assert row["flights"] == 2
+        assert row["predicted"] < 1.2 * np.sqrt(3) * NOISE
+        assert row["unfitted"] > 4 * row["predicted"]
+        for name, true in TRUE.items():
+            assert row[name] == pytest.approx(true, rel=0.03)
+    assert rows[0]["lift_scale"] != rows[1]["lift_scale"]
+
+
+def test_animals_drawn_anew_spread_about_the_fit(fitter, fit):
+    start = fitter.start(tuple(fit.scales.values()))
+    drawn = fitter.resample(4, start=start)
+    assert drawn.shape == (4, 2)
+    np.testing.assert_allclose(drawn, np.broadcast_to(list(TRUE.values()), (4, 2)), rtol=0.03)
+    assert np.ptp(drawn, axis=0).min() > 0
+
+
+def test_a_fit_is_saved(fitter, fit, tmp_path):
+    data = fitted_dataset(fitter, fit)
+    data.to_netcdf(tmp_path / "fit.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "fit.nc", engine="h5netcdf") as back:
+        xr.testing.assert_identical(back.load(), data)
+    assert data.multiplier.values.tolist() == list(SCALES)
+    assert "paths apart" in str(fit)
+
+
+def test_wrong_gaits_are_corrected(made):
+    """With the bend of each flight off by up to 3 degrees, the corrections find it."""
+    off = np.array([3.0, -2.0, 1.0, -3.0, 2.0, -1.0])
+    wrong = made.assign(d_psi=made.d_psi + off)
+    found = Fitter(wrong, {"d_psi": 4.0}, noise=NOISE).fit(starts=1)
+    np.testing.assert_allclose(np.rad2deg(found.changes[:, 0]), -off, atol=1.0)
+    for name, true in TRUE.items():
+        assert found.scales[name] == pytest.approx(true, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"uncertainty": {"wings": 1.0}}, "uncertainty of 'wings'"),
+        ({"uncertainty": {"d_psi": 0.0}}, "uncertainty of d_psi = 0 deg"),
+        ({"noise": -1.0}, "noise = -1 m"),
+    ],
+)
+def test_bad_input_is_named(made, options, message):
+    with pytest.raises(ValueError, match=message):
+        Fitter(made, **options)
+    with pytest.raises(ValueError, match="starts = 0"):
+        Fitter(made).fit(starts=0)
+    with pytest.raises(ValueError, match="scales = 0"):
+        Fitter(made).start((1.0, 0.0))

@@ -1,0 +1,176 @@
+"""Measured flights flown by the model: against the published simulations, and compared."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from jaxglide.comparison import at_heights, compare_paths, summary
+from jaxglide.flights import SPACING, fly_flights, measured_of, node_count
+from jaxglide.glide import Outcome
+
+UP = 0.5  # m that the starts are raised, to see past the ground
+
+
+@pytest.fixture(scope="module")
+def entries(golden):
+    """Published simulations whose measured gaits are given in full."""
+    return golden("simulated_flights")
+
+
+def dataset(entries, up=0.0):
+    """The flights as `jaxglide.measured.flights_dataset` labels them; paths are straight."""
+    gait = {
+        ours: ("trial", np.array([e["gait"][theirs] for e in entries]))
+        for ours, theirs in {
+            "nu_theta": "nu_theta",
+            "f_theta": "f_theta",
+            "theta_m": "theta_max",
+            "psi_m": "psi_max",
+            "d_psi": "d_psi_avg",
+        }.items()
+    }
+    start = np.array([e["start_m"] for e in entries]) + np.array([0.0, 0.0, up])
+    velocity = np.array([e["start_velocity_m_s"] for e in entries])
+    times = np.broadcast_to(np.linspace(0.0, 1.0, 21), (len(entries), 21))
+    return xr.Dataset(
+        {
+            **gait,
+            "svl": ("trial", np.array([e["svl_m"] for e in entries])),
+            "mass": ("trial", np.array([1e-3 * e["mass_g"] for e in entries])),
+            "start_position": (("trial", "axis"), start),
+            "start_velocity": (("trial", "axis"), velocity),
+            "time": (("trial", "frame"), times),
+            "position": (
+                ("trial", "frame", "axis"),
+                start[:, None] + times[:, :, None] * velocity[:, None],
+            ),
+        },
+        coords={
+            "trial": [str(e["trial"]) for e in entries],
+            "snake": ("trial", [str(e["snake"]) for e in entries]),
+        },
+    )
+
+
+@pytest.fixture(scope="module")
+def flown(entries):
+    return fly_flights(dataset(entries, UP))
+
+
+def test_launches_are_the_published_ones(flown, entries):
+    for row, entry in enumerate(entries):
+        published = entry["simulated"]
+        # theirs comes from a search that stops within some 1e-5 rad
+        assert flown.phi_theta.values[row] == pytest.approx(published["phi_theta"], abs=1e-5)
+        np.testing.assert_allclose(
+            flown.launch_attitude.values[row], published["launch_angles_deg"], atol=2e-4
+        )
+
+
+def test_ends_are_the_published_ones(flown, entries):
+    """The last record of each, at 1e-8, the published polar and nodes 1 cm apart."""
+    for row, entry in enumerate(entries):
+        published = entry["simulated"]
+        if published["stopped_by_angle"]:
+            continue
+        record = round(published["end_t_s"] / 0.01)
+        assert flown.time_simulated.values[record] == pytest.approx(published["end_t_s"])
+        end = flown.path.values[row, record] - [0.0, 0.0, UP]
+        np.testing.assert_allclose(end, published["end_m"], atol=1e-3, err_msg=entry["trial"])
+        angles = flown.attitude.values[row, record]
+        np.testing.assert_allclose(angles, published["end_angles_deg"], atol=0.1)
+
+
+def test_paths_and_stops_are_the_published_ones(flown, entries):
+    for row, entry in enumerate(entries):
+        published = entry["simulated"]
+        ended = flown.outcome.values[row] != Outcome.LANDED
+        assert ended == published["stopped_by_angle"]
+        records = np.round(np.array(published["t_s"]) / 0.01).astype(int)
+        path = flown.path.values[row, records] - [0.0, 0.0, UP]
+        seen = np.isfinite(path).all(axis=1)
+        assert seen.sum() >= len(seen) - 1
+        np.testing.assert_allclose(path[seen], np.array(published["com_m"])[seen], atol=1e-3)
+
+
+def test_nodes_are_those_of_each_animal(entries):
+    data = dataset(entries)
+    flights = measured_of(data)
+    for row, entry in enumerate(entries):
+        published = entry["simulated"]
+        assert node_count(data.svl.values[row : row + 1]) == published["n_nodes"]
+        assert published["node_spacing_m"] == SPACING
+        assert flights.neck_fraction[row] == pytest.approx(published["neck_fraction"])
+
+
+def test_starts_point_as_measured(entries):
+    data = dataset(entries[:3])
+    flights = measured_of(data)
+    for row in range(3):
+        up, left = float(flights.elevation[row]), float(flights.heading[row])
+        level = np.array([-np.sin(left), np.cos(left)]) * np.cos(up)
+        velocity = float(flights.speed[row]) * np.append(level, np.sin(up))
+        np.testing.assert_allclose(velocity, data.start_velocity.values[row], rtol=1e-12)
+
+
+# --- the comparison --------------------------------------------------------------------
+
+
+def made(measured, simulated):
+    """A dataset of one flight with the two paths given, (T, 3)."""
+    measured, simulated = np.array(measured, float), np.array(simulated, float)
+    return xr.Dataset(
+        {
+            "position": (("trial", "frame", "axis"), measured[None]),
+            "path": (("trial", "time_simulated", "axis"), simulated[None]),
+            "end": (("trial", "axis"), simulated[None, -1]),
+        },
+        coords={"trial": ["1"], "snake": ("trial", ["A"])},
+    )
+
+
+def test_paths_are_compared_at_equal_heights_down_to_the_higher_end():
+    nan = [np.nan] * 3
+    data = made(
+        [[1, 0, 8], [1, 3, 5], [1, 7, 1], nan], [[1, 0, 8], [1, 1, 6], [1, 2, 4], [1, 3, 2]]
+    )
+    found = compare_paths(data).isel(trial=0)
+    assert found.end_height == 2.0
+    assert found.distance_measured == pytest.approx(6.0)
+    assert found.distance_simulated == pytest.approx(3.0)
+    # apart by half the height lost, at heights evenly spaced from 8 to 2 m
+    lost = np.linspace(0, 6, 100)
+    assert found.path_error == pytest.approx(np.sqrt(np.mean((lost / 2) ** 2)))
+    assert not found.turned_measured
+    assert not found.turned_simulated
+
+
+def test_a_flight_that_turns_back_is_told():
+    data = made([[0, 0, 8], [0, 3, 5], [0, 7, 1]], [[0, 0, 8], [0, 2, 6], [0, 1, 2]])
+    found = compare_paths(data)
+    assert found.turned_simulated.values.tolist() == [True]
+    assert found.turned_measured.values.tolist() == [False]
+    assert "simulated 1 (1)" in summary(found)
+
+
+def test_a_climb_is_passed_over():
+    path = np.array([[0, 0, 8.0], [0, 1, 8.5], [0, 2, 8.2], [0, 3, 7.0], [0, 4, 6.0]])
+    there = at_heights(path, np.array([8.0, 7.0, 6.5]))
+    np.testing.assert_allclose(there[1:, 1], [3.0, 3.5])
+    assert there[0, 1] == 0.0
+
+
+# --- bad input -------------------------------------------------------------------------
+
+
+def test_what_is_missing_is_named(entries):
+    data = dataset(entries[:2])
+    with pytest.raises(ValueError, match="no variable 'psi_m'"):
+        fly_flights(data.drop_vars("psi_m"))
+    data["mass"] = data["mass"] * np.nan
+    with pytest.raises(ValueError, match="mass = nan"):
+        fly_flights(data)
+    with pytest.raises(ValueError, match="tolerance = 0"):
+        fly_flights(dataset(entries[:2]), tolerance=0.0)
+    with pytest.raises(ValueError, match="node_set = 'fine'"):
+        fly_flights(dataset(entries[:2]), node_set="fine")

@@ -17,6 +17,7 @@ from jaxglide import cli
 
 WIDTH = 900  # pixels at most
 COLOURS = 128
+SMALL = 100_000  # bytes
 
 # The data that several pictures draw, and then the pictures: name and command.
 DATA = (
@@ -41,6 +42,7 @@ PICTURES = {
     "convergence": "jaxglide plot best.nc",
     "paths": "jaxglide plot best.nc --x nu_theta --y theta_m",
     "coefficients": "jaxglide figure s7 --out .",
+    "view": "jaxglide view --out view.png",
 }
 
 
@@ -61,13 +63,15 @@ def picture_of(name: str, command: str) -> Path:
 
 
 def shrink(picture: Path, out: Path) -> None:
-    """A picture of at most `WIDTH` pixels across and `COLOURS` colours."""
+    """A picture of at most `WIDTH` pixels across, of few colours unless it is small anyway."""
     with Image.open(picture) as image:
         image = image.convert("RGB")
         if image.width > WIDTH:
             height = round(image.height * WIDTH / image.width)
             image = image.resize((WIDTH, height), Image.Resampling.LANCZOS)
-        image.quantize(COLOURS, dither=Image.Dither.NONE).save(out, optimize=True)
+        image.save(out, optimize=True)
+        if out.stat().st_size > SMALL:
+            image.quantize(COLOURS, dither=Image.Dither.NONE).save(out, optimize=True)
 
 
 def main() -> None:

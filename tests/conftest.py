@@ -55,6 +55,12 @@ def norm_error(value, expected):
     return np.linalg.norm(np.asarray(value) - expected) / np.linalg.norm(expected)
 
 
+@pytest.fixture(autouse=True)
+def _keep_jax_settings(monkeypatch):
+    """The tests set up JAX themselves; the command line need not."""
+    monkeypatch.setattr("jaxglide.cli.configure", lambda: None)
+
+
 @pytest.fixture(scope="session")
 def golden():
     return load_golden

@@ -14,12 +14,6 @@ from jaxglide.trim import derivatives
 from jaxglide.windtunnel import fall, loads_at_end, over_phases
 
 
-@pytest.fixture(autouse=True)
-def _keep_jax_settings(monkeypatch):
-    """The tests set up JAX themselves."""
-    monkeypatch.setattr(cli, "configure", lambda: None)
-
-
 def run(capsys, *arguments):
     code = cli.main(list(arguments))
     captured = capsys.readouterr()

@@ -366,7 +366,7 @@ def lanes(bad=True):
     gait = fill(Gait.from_degrees(), list(columns)[:6])
     launch = Launch(1.0, 1.0, 0.0, np.zeros(3))
     level = jnp.zeros(len(angles))
-    launch = fill(launch, ("height", "speed", "phi_theta"), jnp.asarray(angles), level)
+    launch = fill(launch, ("height", "speed", "phi_theta"), jnp.asarray(angles), level, level)
     return gait, c["lift"], launch, c["tolerance"]
 
 

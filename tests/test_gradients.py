@@ -151,6 +151,7 @@ def test_many_parameters_use_the_reverse_rule():
     assert abs(np.sum(gradient * scaled) - expected) < 1e-8 * abs(expected)
 
 
+@pytest.mark.slow
 def test_second_derivatives_exist(fixed):
     """Forward over reverse: the Hessian of the landing distance is symmetric."""
 
@@ -163,6 +164,7 @@ def test_second_derivatives_exist(fixed):
     np.testing.assert_allclose(hessian, hessian.T, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_published_polar_is_only_piecewise_smooth():
     """Its gradient differs from differences by more than the smooth polar's: see README."""
 

@@ -113,7 +113,7 @@ def test_clearance_of_an_arc():
     steps = np.abs(sections.fraction[:, None] - sections.fraction)
     nearest = float(steps[steps > 0.15].min())
     chord = 2 * np.sin(np.pi * nearest / 2) * float(arc.snake.length) / np.pi
-    assert float(clearance(arc)) == pytest.approx(chord / sections.chord.max(), rel=1e-3)
+    assert float(clearance(arc)) == pytest.approx(chord / float(sections.chord.max()), rel=1e-3)
 
 
 def test_clearance_is_the_least_of_a_cycle():

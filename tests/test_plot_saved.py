@@ -20,12 +20,6 @@ from jaxglide.study import Study
 NODES = 20
 
 
-@pytest.fixture(autouse=True)
-def _keep_jax_settings(monkeypatch):
-    """The tests set up JAX themselves."""
-    monkeypatch.setattr(cli, "configure", lambda: None)
-
-
 @pytest.fixture(scope="module")
 def glide():
     glider = Glider(Snake.from_svl(0.7, nodes=NODES), Gait.from_degrees())

@@ -228,7 +228,7 @@ def start(study, folder):
 CACHE: dict[str, str] = {}
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [1, pytest.param(20, marks=pytest.mark.slow)])
 def test_killed_runs_resume_to_the_same_store(tmp_path, tmp_path_factory, kills):
     """SIGKILL at random moments; the finished store equals an uninterrupted one."""
     CACHE["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path_factory.getbasetemp() / "cache")

@@ -54,6 +54,7 @@ def trimmed():
     )
 
 
+@pytest.mark.slow
 def test_trim_derivatives_against_trims_solved_again(trimmed):
     value, gradient = trimmed(HERE[:2])
     assert np.deg2rad(5) < float(value) < np.deg2rad(20)

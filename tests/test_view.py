@@ -409,7 +409,6 @@ def flown(glide, monkeypatch):
         flown.append((glider, launch, options))
         return glide
 
-    monkeypatch.setattr(cli, "configure", lambda: None)
     monkeypatch.setattr("jaxglide.glide.simulate", fake)
     return flown
 

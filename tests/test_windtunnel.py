@@ -225,6 +225,7 @@ def test_at_the_equilibrium_nothing_accelerates_and_lift_over_drag_is_cot_gamma(
     assert float(polar.lift_to_drag[0]) == pytest.approx(1 / math.tan(gamma), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_long_held_glide_comes_to_the_stable_equilibrium(glider):
     steady = equilibrium(glider)
     assert bool(steady.stable)

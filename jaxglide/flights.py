@@ -5,6 +5,7 @@ dataset of `jaxglide.measured` (read from its file, or made there; this module o
 variables). All of them fly as one vmapped computation.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
@@ -14,7 +15,8 @@ import numpy as np
 import xarray as xr
 
 from ._checks import check_choice, check_range
-from ._types import Array, Float, Scalar
+from ._types import Array, Float
+from .batch import spread
 from .dynamics import ANGLES, POSITION, VELOCITY, Glider
 from .gait import Gait
 from .glide import Outcome, simulate
@@ -32,8 +34,8 @@ GAUSS_NODES = 60
 
 _GAIT = ("nu_theta", "theta_m", "psi_m", "d_psi", "f_theta")
 _NEEDED = (*_GAIT, "svl", "mass", "start_position", "start_velocity", "time", "position")
-_SAMPLES = 401  # times of a simulated path
 _LONGEST = 4.0  # s
+_TIMES = np.linspace(0.0, _LONGEST, 401)  # of a simulated path
 
 
 class Measured(eqx.Module):
@@ -120,17 +122,26 @@ def build_flight(flight: Measured, polar: Polar, nodes: int | None) -> tuple[Gli
     return Glider(snake, Gait(**waves), polar), launch
 
 
-def _fly(flights: Measured, polar: Polar, times, tolerance: Scalar, nodes: int | None):
-    def one(flight):
-        glider, launch = build_flight(flight, polar, nodes)
-        options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance, "times": times}
-        glide = simulate(glider, launch, max_time=_LONGEST, **options)
-        return glide.states, glide.state, glide.time, glide.outcome, glide.take_off
+@lru_cache(maxsize=8)
+def _flier(polar: str, nodes: int | None, devices: tuple):
+    """Compiled function that flies all flights, shared out over the devices."""
 
-    return jax.vmap(one)(flights)
+    def one(fields, lift_scale, drag_scale, tolerance):
+        air = Polar.from_name(polar, lift_scale, drag_scale)
+        glider, launch = build_flight(Measured(**fields), air, nodes)
+        options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance}
+        glide = simulate(glider, launch, times=_TIMES, max_time=_LONGEST, **options)
+        assert glide.states is not None
+        return {
+            "states": glide.states,
+            "end": glide.state,
+            "time": glide.time,
+            "outcome": glide.outcome,
+            "phi_theta": glide.take_off.phi_theta,
+            "angles": glide.take_off.angles,
+        }
 
-
-_fly_all = eqx.filter_jit(_fly)
+    return spread(one, devices, 3)
 
 
 def fly_flights(
@@ -162,10 +173,14 @@ def fly_flights(
     check_range("tolerance", tolerance, "", 0, 0.1, low_open=True)
     flights = measured_of(data)
     nodes = node_count(data["svl"].values) if node_set == "published" else None
-    air = Polar.from_name(polar, lift_scale, drag_scale)
-    times = jnp.linspace(0.0, _LONGEST, _SAMPLES)
-    flown = _fly_all(flights, air, times, jnp.asarray(tolerance), nodes)
-    states, end, ended, outcome, take_off = (jax.tree.map(np.asarray, part) for part in flown)
+    check_choice("polar", polar, CHOICES["polar"])
+    for name, scale in (("lift_scale", lift_scale), ("drag_scale", drag_scale)):
+        check_range(name, scale, "", 0, 100)
+    fields = {name: np.asarray(values) for name, values in vars(flights).items()}
+    fly = _flier(polar, nodes, tuple(jax.local_devices()))
+    scales = (jnp.asarray(float(scale)) for scale in (lift_scale, drag_scale))
+    flown = fly(fields, len(data["trial"]), *scales, jnp.asarray(float(tolerance)))
+    states, end = flown["states"], flown["end"]
     across = data["start_position"].values * np.array([1.0, 1.0, 0.0])
     vector, angles = ("trial", "time_simulated", "axis"), ["yaw", "pitch", "roll"]
     variables = {
@@ -184,12 +199,12 @@ def fly_flights(
             "deg",
             "attitude there",
         ),
-        "end_time": (("trial",), ended, "s", "duration of the simulation"),
-        "outcome": (("trial",), outcome.astype(np.int32), "", "how it ended"),
-        "phi_theta": (("trial",), take_off.phi_theta, "rad", "launch phase"),
+        "end_time": (("trial",), flown["time"], "s", "duration of the simulation"),
+        "outcome": (("trial",), flown["outcome"].astype(np.int32), "", "how it ended"),
+        "phi_theta": (("trial",), flown["phi_theta"], "rad", "launch phase"),
         "launch_attitude": (
             ("trial", "angle"),
-            np.rad2deg(take_off.angles),
+            np.rad2deg(flown["angles"]),
             "deg",
             "launch attitude",
         ),
@@ -199,7 +214,7 @@ def fly_flights(
             name: (dims, values, {"units": unit, "long_name": long_name})
             for name, (dims, values, unit, long_name) in variables.items()
         },
-        coords={"time_simulated": ("time_simulated", np.asarray(times), {"units": "s"})}
+        coords={"time_simulated": ("time_simulated", _TIMES, {"units": "s"})}
         | {"angle": angles, "axis": ["x", "y", "z"]}
         | {name: data[name] for name in ("trial", "snake")},
     )

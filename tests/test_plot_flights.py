@@ -47,6 +47,9 @@ def test_all_paths_are_drawn_from_the_origin_and_those_that_turn_stand_out():
     assert straight.get_color() != turned.get_color()
     assert side_m.lines[0].get_color() == side_m.lines[2].get_color()
     assert side_m.get_ylabel() == "height (m)"
+    low, high = top_m.get_ylim()
+    assert low > high  # seen from above
+    assert side_m.get_ylim()[0] < side_m.get_ylim()[1]
     assert top_m.get_xlabel() == "forward (m)"
     assert top_m.get_ylabel() == "right (m)"
     assert side_m.get_aspect() == top_s.get_aspect() == 1.0

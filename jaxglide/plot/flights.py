@@ -57,6 +57,7 @@ def measured_and_simulated(flown: xr.Dataset) -> Figure:
             _draw_all(axes[row, column], flown, name, up, turned)
         mean = float(compared[f"distance_{told}"].mean())
         axes[0, column].set_title(f"{told}: {mean:.2f} m on average")
+    axes[1, 0].invert_yaxis()  # seen from above, right is to the right of forward
     for ax in axes[:, 1]:
         ax.set_ylabel("")
     for ax in axes[0]:

@@ -42,7 +42,7 @@ def main() -> None:
     header = ("animal", "flights", *SCALES, "predicted (m)", "unfitted (m)")
     write_table(options.out / "fit_animals", header, [list(row.values()) for row in animals])
     corrected = Fitter(data, UNCERTAINTY)
-    gaits = corrected.fit(starts=4)
+    gaits = corrected.fit(starts=2)
     print(gaits, flush=True)
     rows = [
         row_of("published forces", (1.0, 1.0), found.misfit_before),

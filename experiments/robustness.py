@@ -34,7 +34,7 @@ SPREAD = 0.1
 CHANGED = ("lift_scale", "drag_scale", "speed", "mass")
 SAMPLES = 256
 AROUND = 0.02  # of the ranges of the gait, for samples around it
-EFFORT: dict[str, Any] = {"starts": 12, "steps": 14}  # of the robust searches
+EFFORT: dict[str, Any] = {"starts": 12, "steps": 14, "polish": 4}  # of the robust searches
 
 
 def corners() -> dict[str, Any]:

@@ -52,7 +52,8 @@ def climb(values: np.ndarray) -> np.ndarray:
 def gradient_search(problem, exact, seed: int, budget: int, cost: float):
     """Cost [glides] and best so far of the gradient search."""
     steps = int(budget / cost / STARTS)
-    found = optimise(problem, starts=STARTS, steps=steps, seed=seed, evaluator=exact)
+    options = {"starts": STARTS, "steps": steps, "seed": seed, "polish": 0}
+    found = optimise(problem, **options, evaluator=exact)
     value, violation = found.history["value"].values, found.history["violation"].values
     values = np.where(np.isfinite(value), value, np.nan)
     ran = np.isfinite(found.history["point"].values).all(axis=2)

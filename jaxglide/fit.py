@@ -34,6 +34,14 @@ _TIMES = 24  # of a flight at which paths are compared
 _DEPTH = 100.0  # m of height added, so that nothing lands
 _TOLERANCE = 1e-6  # of the simulations
 _STEPS = 60  # most of one fit
+_PARTS = (0.4, 0.7, 1.0)  # of the window, fitted one after the other
+
+
+class _Plan(eqx.Module):
+    """What is part of the compiled function: angles corrected, and longest window [s]."""
+
+    corrected: tuple[str, ...] = eqx.field(static=True)
+    longest: float = eqx.field(static=True)
 
 
 class _Data(NamedTuple):
@@ -46,14 +54,19 @@ class _Data(NamedTuple):
     spread: Float[Array, " c"]
 
 
-def _flown(scales, change, flight: Measured, times, *, adjoint, corrected) -> Array:
+def _flown(scales, change, flight: Measured, times, *, adjoint, plan) -> Array:
     """Path of one flight from its start at the times, (K, 3) [m]."""
-    moved = {name: getattr(flight, name) + change[k] for k, name in enumerate(corrected)}
+    moved = {name: getattr(flight, name) + change[k] for k, name in enumerate(plan.corrected)}
     moved["height"] = flight.height + _DEPTH
     flight = replace(flight, **moved)
     glider, launch = build_flight(flight, Polar.smooth(*scales), None)
-    options: dict[str, Any] = {"rtol": _TOLERANCE, "atol": _TOLERANCE, "adjoint": adjoint}
-    glide = simulate(glider, launch, times=times, max_time=6.0, max_steps=4096, **options)
+    options: dict[str, Any] = {
+        "rtol": _TOLERANCE,
+        "atol": _TOLERANCE,
+        "adjoint": adjoint,
+        "max_steps": 4096,
+    }
+    glide = simulate(glider, launch, times=times, max_time=plan.longest, **options)
     after = jnp.maximum(times - glide.time, 0.0)[:, None]
     fall = jnp.array([0.0, 0.0, -0.5]) * glider.environment.gravity
     state = glide.state
@@ -67,28 +80,28 @@ def _flown(scales, change, flight: Measured, times, *, adjoint, corrected) -> Ar
 _fly_to_times = either_mode(_flown)
 
 
-def _paths(y, data: _Data, corrected):
+def _paths(y, data: _Data, plan: _Plan):
     """Paths of all flights, (N, K, 3), for logarithms of scales, and changes [sd]."""
     scales, changes = y
 
     def one(change, flight, times):
         change = change * data.spread
-        return _fly_to_times(jnp.exp(scales), change, flight, times, corrected=corrected)
+        return _fly_to_times(jnp.exp(scales), change, flight, times, plan=plan)
 
     return jax.vmap(one)(changes, data.flights, data.times)
 
 
 def _residuals(y, args):
     """Misfit of all flights over root of their number, and changes over their sd."""
-    data, corrected = args
+    data, plan = args
     count = data.weights.sum()
-    apart = (_paths(y, data, corrected) - data.places) / jnp.sqrt(data.times.shape[1] * count)
+    apart = (_paths(y, data, plan) - data.places) / jnp.sqrt(data.times.shape[1] * count)
     apart = jnp.sqrt(data.weights)[:, None, None] * apart
     return apart, y[1]
 
 
 @eqx.filter_jit
-def _solve(start, data: _Data, corrected, prior):
+def _solve(start, data: _Data, plan: _Plan, prior):
     """One fit from one start."""
 
     def weighed(y, args):
@@ -97,23 +110,23 @@ def _solve(start, data: _Data, corrected, prior):
 
     solution = optx.least_squares(
         weighed,
-        optx.LevenbergMarquardt(rtol=1e-5, atol=1e-7),
+        optx.LevenbergMarquardt(rtol=1e-3, atol=1e-5),
         start,
-        args=(data, corrected),
+        args=(data, plan),
         max_steps=_STEPS,
         throw=False,
     )
-    apart = _residuals(solution.value, (data, corrected))[0]
+    apart = _residuals(solution.value, (data, plan))[0]
     done = solution.result == optx.RESULTS.successful
     return solution.value, jnp.sum(apart**2), solution.stats["num_steps"], done
 
 
 @eqx.filter_jit
-def _sensitivities(y, data: _Data, corrected):
+def _sensitivities(y, data: _Data, plan: _Plan):
     """Misfits, (N, 3 K), and their derivatives by the logarithms of the scales, (N, 3 K, 2)."""
 
     def apart(scales):
-        found = _paths((scales, y[1]), data, corrected) - data.places
+        found = _paths((scales, y[1]), data, plan) - data.places
         flat = found.reshape(found.shape[0], -1)
         return flat, flat
 
@@ -202,8 +215,10 @@ class Fitter:
         check_range("noise", noise, "m", 0, 100, low_open=True)
         self.trials = [str(trial) for trial in data["trial"].values]
         self.animals = np.array([str(snake) for snake in data["snake"].values])
-        self._corrected = tuple(uncertainty)
-        times, places = _windows(data)
+        windows = [_windows(data, part) for part in _PARTS]
+        times, places = windows[-1]
+        self._plan = _Plan(tuple(uncertainty), float(np.ceil(10 * times.max()) / 10))
+        self._windows = [tuple(map(jnp.asarray, window)) for window in windows]
         self._data = _Data(
             measured_of(data),
             jnp.asarray(times),
@@ -217,7 +232,7 @@ class Fitter:
     def start(self, scales: Sequence[float] = (1.0, 1.0)):
         """A start: logarithms of scales, no corrections."""
         check_range("scales", np.asarray(scales), "", 0, 100, low_open=True)
-        changes = jnp.zeros((len(self.trials), len(self._corrected)))
+        changes = jnp.zeros((len(self.trials), len(self._plan.corrected)))
         return jnp.log(jnp.asarray(scales, float)), changes
 
     def solve(self, start, weights: np.ndarray | None = None):
@@ -229,13 +244,25 @@ class Fitter:
         data = self._data
         if weights is not None:
             data = data._replace(weights=jnp.asarray(weights, float))
-        return jax.tree.map(np.asarray, _solve(start, data, self._corrected, self._prior))
+        return jax.tree.map(np.asarray, _solve(start, data, self._plan, self._prior))
 
     def sensitivities(self, y) -> tuple[np.ndarray, np.ndarray]:
         """Distances of the paths [m], (N, 3 K), and their derivatives by the logarithms of
         the scales, (N, 3 K, 2), at logarithms of scales and changes."""
-        found = _sensitivities(y, self._data, self._corrected)
+        found = _sensitivities(y, self._data, self._plan)
         return np.asarray(found[0]), np.asarray(found[1])
+
+    def approach(self, start):
+        """Fit to the first part of the window, then to more of it, then to the whole.
+
+        Paths part from each other as they go on, and the misfit grows valleys; what fits
+        the beginning lies in the right one. Returns what `solve` does.
+        """
+        y, whole = start, self._data
+        for times, places in self._windows[:-1]:
+            part = whole._replace(times=times, places=places)
+            y = _solve(y, part, self._plan, self._prior)[0]
+        return self.solve(y)
 
     def errors(self, y) -> np.ndarray:
         """Root mean square distance of each flight's paths [m], (N,)."""
@@ -251,7 +278,7 @@ class Fitter:
         check_integer("starts", starts, 1, 10_000)
         drawn = np.random.default_rng(seed).uniform(np.log(0.5), np.log(2), (starts, 2))
         drawn[0] = 0.0
-        found = [self.solve(self.start(np.exp(one))) for one in drawn]
+        found = [self.approach(self.start(np.exp(one))) for one in drawn]
         costs = np.array([cost for _, cost, _, _ in found])
         best = found[int(np.nanargmin(costs))][0]
         before, after = self.errors(self.start()), self.errors(best)
@@ -317,14 +344,15 @@ class Fitter:
         return rows
 
 
-def _windows(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Times of each flight's window (N, K) [s] and places from its start (N, K, 3) [m]."""
+def _windows(data: xr.Dataset, part: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times in the first `part` of each flight's window, (N, K) [s], and places from its
+    start, (N, K, 3) [m]."""
     times, places = [], []
     for trial in range(data.sizes["trial"]):
         t, p = data["time"].values[trial], data["position"].values[trial]
         seen = np.isfinite(t) & np.isfinite(p).all(axis=1)
         t, p = t[seen], p[seen]
-        chosen = np.linspace(t[0], t[-1], _TIMES + 1)[1:]
+        chosen = t[0] + part * (t[-1] - t[0]) * np.arange(1, _TIMES + 1) / _TIMES
         times.append(chosen - t[0])
         places.append(np.stack([np.interp(chosen, t, axis) for axis in (p - p[0]).T], axis=1))
     return np.array(times), np.array(places)

@@ -9,6 +9,7 @@ every 10 degrees or chord missing. `--size` is the number of glides of a search.
 
 import threading
 import time
+from typing import Any
 
 import numpy as np
 from common import arguments, save_figure, write_table
@@ -52,7 +53,7 @@ def climb(values: np.ndarray) -> np.ndarray:
 def gradient_search(problem, exact, seed: int, budget: int, cost: float):
     """Cost [glides] and best so far of the gradient search."""
     steps = int(budget / cost / STARTS)
-    options = {"starts": STARTS, "steps": steps, "seed": seed, "polish": 0}
+    options: dict[str, Any] = {"starts": STARTS, "steps": steps, "seed": seed, "polish": 0}
     found = optimise(problem, **options, evaluator=exact)
     value, violation = found.history["value"].values, found.history["violation"].values
     values = np.where(np.isfinite(value), value, np.nan)

@@ -129,6 +129,7 @@ def test_grad_without_jit_and_with_respect_to_modules():
     assert found.neck_fraction != 0
 
 
+@pytest.mark.slow
 def test_many_parameters_use_the_reverse_rule():
     """More parameters than outputs: the polar's 13,824 coefficients at once."""
     glider, launch = build(POINTS[0])

@@ -128,7 +128,8 @@ def test_corrected_gaits_come_closer(made, fit):
     assert held.misfit > 1.5 * fit.misfit
     assert freed.misfit < 0.8 * held.misfit
     changed = np.rad2deg(freed.changes[:, 0])
-    assert np.corrcoef(changed, -off)[0, 1] > 0
+    # most bends are found again; one flight may lie in another valley
+    assert np.median(np.abs(changed + off)) < 1.0 < np.median(np.abs(off))
     assert (np.abs(changed) < 3 * 4.0).all()
 
 

@@ -205,7 +205,7 @@ def test_a_travelling_wave_is_one_mode():
     assert found.amplitude == pytest.approx(0.7, rel=2e-3)  # between two stations
     assert np.abs(np.linalg.norm(found.shapes, axis=1) - 1).max() < 1e-12
     # every component is as large as the largest; the one chosen is real and positive
-    assert np.abs(found.shapes[0] - np.abs(found.shapes[0]).max()).min() < 1e-9
+    assert np.abs(found.shapes[0] - np.abs(found.shapes[0]).max()).min() < 1e-12
     again = (found.shapes.T @ found.activity).real.T
     assert np.abs(again - wave).max() < 1e-9
 

@@ -101,6 +101,8 @@ def test_compare_prints_a_table_and_draws(saved, tmp_path, capsys):
     with xr.open_dataset(save, engine="h5netcdf") as data:
         assert data.path_error.attrs["units"] == "m"
         assert data.attrs["polar"] == "published"
+    assert main(["plot", str(save), "--out", str(tmp_path / "flown.png")]) == 0
+    assert "drew measured and simulated paths" in capsys.readouterr().out
     assert main(["compare", str(saved), "--json"]) == 0
     flights = json.loads(capsys.readouterr().out)["flights"]
     assert [flight["trial"] for flight in flights] == ["205", "303"]

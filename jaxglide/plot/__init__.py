@@ -12,9 +12,11 @@ from .body import bent_bodies, body_shape, body_view
 from .coefficients import force_coefficients, glide_polar_figure, morphology
 from .compare import before_and_after
 from .files import open_result
+from .flights import distances, every_flight, measured_and_simulated
 from .forces import along_body, along_body_lines, along_body_map, forces
 from .glide import angles, glide_overview, side_view, top_view
 from .heatmap import case_scatter, curve, heatmap
+from .measured import measured_bending, measured_gaits
 from .optimise import convergence, paths, sensitivity_map
 from .saved import Drawing, draw
 from .shapes import region_outlines, shape_heatmaps
@@ -45,13 +47,18 @@ __all__ = [
     "case_scatter",
     "convergence",
     "curve",
+    "distances",
     "draw",
+    "every_flight",
     "force_coefficients",
     "forces",
     "glide_overview",
     "glide_polar_figure",
     "heatmap",
     "landing_against_moment",
+    "measured_and_simulated",
+    "measured_bending",
+    "measured_gaits",
     "moment_by_bend",
     "moment_by_shape",
     "moment_ratio",

@@ -13,6 +13,7 @@ from ._restore import glide_of
 from .atlas import stable_atlas
 from .bending import bending_grid
 from .body import bent_bodies, body_shape
+from .flights import measured_and_simulated
 from .forces import along_body_map, forces
 from .glide import angles, glide_overview, side_view
 from .heatmap import case_scatter, curve, heatmap, numeric, selected, variable_of, varied
@@ -48,7 +49,8 @@ def kind_of(data: xr.Dataset) -> str:
     """What a dataset holds.
 
     Returns:
-        "glide", "optimisation", "held glides", "measured flights", "shape space", "sweep"
+        "glide", "optimisation", "held glides", "measured flights", "compared flights",
+        "shape space", "sweep"
         or, for another result, "dataset".
     """
     has, dims = set(data.variables), set(data.dims)
@@ -58,6 +60,8 @@ def kind_of(data: xr.Dataset) -> str:
         return "optimisation"
     if {"record", "phase", "about"} <= dims:
         return "held glides"
+    if {"trial", "time_simulated"} <= dims and {"position", "path", "end"} <= has:
+        return "compared flights"
     if {"trial", "wave", "mode"} <= dims:
         return "measured flights"
     if "outcome" in has and "region" in has:
@@ -94,6 +98,7 @@ def draw(
         "optimisation": _optimisation,
         "held glides": _held,
         "measured flights": _measured,
+        "compared flights": _compared,
         "shape space": _shapes,
         "sweep": _sweep,
     }.get(kind_of(data), _variable)
@@ -162,6 +167,12 @@ def _held(data: xr.Dataset, wanted: Wanted) -> Drawing:
 def _measured(data: xr.Dataset, wanted: Wanted) -> Drawing:
     if wanted.nothing:
         return Drawing(measured_gaits(data), "the gaits of all flights")
+    return _variable(data, wanted)
+
+
+def _compared(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    if wanted.nothing:
+        return Drawing(measured_and_simulated(data), "measured and simulated paths")
     return _variable(data, wanted)
 
 

@@ -47,7 +47,7 @@ def robust(how: str) -> dict[str, float]:
     """The gait whose mean or worst distance is largest, with the margin in every corner."""
     worst = varied(stability_margin, corners(), "worst").at_least(MARGIN, scale=10.0)
     free = {name: OBSERVED[name] for name in SHAPE}
-    tolerance: dict[str, Any] = {"rtol": TOLERANCE, "atol": TOLERANCE}
+    tolerance: dict[str, Any] = {"rtol": TOLERANCE[10.0], "atol": TOLERANCE[10.0]}
     objective = varied(landing_distance, corners(), how)
     limits = worst, clearance.at_least(CLEARANCE)
     problem = Problem(objective, free, limits, **tolerance)
@@ -73,7 +73,7 @@ def problem_around(speed: float, mass: float) -> Problem:
     free = {name: OBSERVED[name] for name in SHAPE}
     free |= {n: (value * (1 - SPREAD), value * (1 + SPREAD)) for n, value in usual.items()}
     margin = stability_margin.at_least(MARGIN, scale=10.0)
-    tolerance: dict[str, Any] = {"rtol": TOLERANCE, "atol": TOLERANCE}
+    tolerance: dict[str, Any] = {"rtol": TOLERANCE[10.0], "atol": TOLERANCE[10.0]}
     return Problem(landing_distance, free, (margin,), **tolerance)
 
 

@@ -1,10 +1,12 @@
 """What gradients are worth: the farthest glide found against the number of glides flown.
 
-Gradient search (a gradient counted at its measured cost in glides), random sampling and
-multi-start Nelder-Mead on the same problem: theta_m, nu_theta and d_psi within the ranges
-observed, from 10 m, at least 10 degrees short of a tumble and no part of the body within a
-chord of another. Only gaits that meet this count; Nelder-Mead sees a penalty of 3 m for
-every 10 degrees or chord missing. `--size` is the number of glides of a search.
+Five searches on the same problem: theta_m, nu_theta and d_psi within the ranges observed,
+from 10 m, at least 10 degrees short of a tumble and no part of the body within a chord of
+another. Gradients from random starts (a gradient counted at its measured cost in glides);
+the search of the library, which screens its starts and samples around the best at its end;
+the same without any gradient; random sampling; Nelder-Mead from many starts, which sees a
+penalty of 3 m for every 10 degrees or chord missing. Only gaits that meet the constraints
+count. `--size` is the number of glides of a search.
 """
 
 import threading
@@ -19,11 +21,13 @@ from scipy.optimize import minimize
 
 from jaxglide.optimise import optimise
 from jaxglide.plot import style
-from jaxglide.problem import Evaluator, Problem
+from jaxglide.problem import Evaluation, Evaluator, Problem
 
 SEEDS = 5
 CHAINS = 4  # of Nelder-Mead searches side by side in one budget
-STARTS = 12  # of the gradient search
+STARTS = 12  # of the gradient searches
+SCREENED, POLISH = 512, 6  # glides flown first; rounds of sampling at the end
+ROUND = 256  # glides of one round
 PENALTY, SIMPLEX = 3.0, 0.15
 FEASIBLE = 1e-3
 
@@ -50,18 +54,31 @@ def climb(values: np.ndarray) -> np.ndarray:
     return np.fmax.accumulate(np.where(met, values[:, 0], np.nan))
 
 
-def gradient_search(problem, exact, seed: int, budget: int, cost: float):
-    """Cost [glides] and best so far of the gradient search."""
-    steps = int(budget / cost / STARTS)
-    options: dict[str, Any] = {"starts": STARTS, "steps": steps, "seed": seed, "polish": 0}
-    found = optimise(problem, **options, evaluator=exact)
-    value, violation = found.history["value"].values, found.history["violation"].values
-    values = np.where(np.isfinite(value), value, np.nan)
-    ran = np.isfinite(found.history["point"].values).all(axis=2)
-    each = np.stack([values[ran], -violation[ran]], axis=1)
-    best = climb(each)
-    ends = np.cumsum(ran.sum(axis=1))
-    return cost * ends, best[ends - 1]
+class Counted(Evaluator):
+    """An evaluator that keeps the best so far and what was spent, in glides."""
+
+    def __init__(self, problem: Problem, gradients: bool, price: float = 1.0):
+        super().__init__(problem, gradients)
+        self.price = price
+        self.ledger: list[tuple[float, np.ndarray]] = []
+
+    def __call__(self, points: np.ndarray, rtol=None, atol=None) -> Evaluation:
+        found = super().__call__(points, rtol, atol)
+        self.ledger.append((self.price * len(points), found.values))
+        return found
+
+
+def gradients_used(budget: int, cost: float, screen: int, polish: int) -> int:
+    """Steps of all starts that the rest of a budget pays for, at least one."""
+    return max(int((budget - screen - ROUND * polish) / cost / STARTS), 1)
+
+
+def library_search(exact: Counted, fast: Counted, seed: int, **effort):
+    """Cost [glides] and best so far of `optimise`, everything it flies counted."""
+    exact.ledger = fast.ledger = ledger = []
+    optimise(exact.problem, seed=seed, **effort, evaluator=exact, screener=fast)
+    cost = np.concatenate([np.full(len(v), spent / len(v)) for spent, v in ledger])
+    return np.cumsum(cost), climb(np.concatenate([values for _, values in ledger]))
 
 
 class Desk:
@@ -150,11 +167,25 @@ def reached(cost: np.ndarray, best: np.ndarray, least: float) -> float:
 
 def main() -> None:
     options = arguments(__doc__)
-    budget, problem = options.size or 1500, problem_of()
-    exact, fast = Evaluator(problem), Evaluator(problem, gradients=False)
+    budget, problem = options.size or 3000, problem_of()
+    exact, fast = Counted(problem, True), Counted(problem, False)
     glide, cost = price(problem, exact, fast)
     print(f"a glide {glide:.1f} ms, a gradient {cost:.2f} glides", flush=True)
-    runs: dict[str, list] = {"gradients": [], "random": [], "Nelder-Mead": []}
+    exact.price = cost
+    climbing = gradients_used(budget, cost, 0, 0)
+    both = gradients_used(budget, cost, SCREENED, POLISH)
+    efforts: dict[str, dict[str, Any]] = {
+        "gradients": {"starts": STARTS, "steps": climbing, "polish": 0},
+        "screening, gradients, sampling": {
+            **{"starts": STARTS, "steps": both},
+            **{"screen": SCREENED, "polish": POLISH},
+        },
+        "screening, sampling": {
+            **{"starts": 1, "steps": 1},
+            **{"screen": budget - POLISH * ROUND, "polish": POLISH},
+        },
+    }
+    runs: dict[str, list] = {name: [] for name in (*efforts, "random", "Nelder-Mead")}
     spent = {}
     for name, curves in runs.items():
         begin = time.perf_counter()
@@ -163,8 +194,8 @@ def main() -> None:
             for best in nelder_mead_all(problem, few, budget):
                 curves.append((np.arange(1.0, len(best) + 1), best))
         for seed in range(SEEDS if name != "Nelder-Mead" else 0):
-            if name == "gradients":
-                curves.append(gradient_search(problem, exact, seed, budget, cost))
+            if name in efforts:
+                curves.append(library_search(exact, fast, seed, **efforts[name]))
             else:
                 rng = np.random.default_rng(100 + seed)
                 points = rng.uniform(problem.low, problem.high, (budget, 3))
@@ -191,11 +222,11 @@ def main() -> None:
 @style()
 def draw(runs: dict, known: float, budget: int, cost: float) -> Figure:
     """Median and spread over the seeds of the best so far against cost."""
-    figure = Figure(figsize=(90 / 25.4, 68 / 25.4), dpi=300, layout="constrained")
+    figure = Figure(figsize=(120 / 25.4, 78 / 25.4), dpi=300, layout="constrained")
     ax = figure.add_subplot()
-    colours = {"gradients": "#D55E00", "random": "#999999", "Nelder-Mead": "#0072B2"}
+    colours = "#D55E00", "#009E73", "#CC79A7", "#999999", "#0072B2"
     grid = np.geomspace(20, budget, 200)
-    for name, curves in runs.items():
+    for (name, curves), colour in zip(runs.items(), colours, strict=True):
         on_grid = []
         for costs, best in curves:
             at = np.searchsorted(costs, grid, side="right") - 1
@@ -204,8 +235,8 @@ def draw(runs: dict, known: float, budget: int, cost: float) -> Figure:
         low, middle, high = (
             f(np.array(on_grid)[:, whole], axis=0) for f in (np.min, np.median, np.max)
         )
-        ax.fill_between(grid[whole], low, high, color=colours[name], alpha=0.18, lw=0)
-        ax.plot(grid[whole], middle, color=colours[name], lw=1.4, label=name)
+        ax.fill_between(grid[whole], low, high, color=colour, alpha=0.18, lw=0)
+        ax.plot(grid[whole], middle, color=colour, lw=1.4, label=name)
     ax.axhline(known, color="#222222", lw=0.7, ls=(0, (4, 2)), label="best known")
     ax.set_xscale("log")
     ax.set_xlim(grid[0], grid[-1])

@@ -40,10 +40,14 @@ _ANGLES = {
 _FORWARD = {"x": "right, x", "y": "forward, y", "z": "height, z"}
 
 
+def shown(unit: str) -> str:
+    """A unit as people write it."""
+    return _UNITS.get(unit, unit)
+
+
 def with_unit(name: str, unit: str) -> str:
     """A name and, in brackets, its unit as people write it."""
-    unit = _UNITS.get(unit, unit)
-    return f"{name} ({unit})" if unit and unit != "1" else name
+    return f"{name} ({shown(unit)})" if unit and unit != "1" else name
 
 
 def parameter_label(name: str) -> str:

@@ -6,7 +6,6 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from ..glide import Outcome
-from ._labels import SYMBOLS as _SYMBOLS  # noqa: F401
 from ._labels import parameter_label
 from ._style import new_figure, style
 

@@ -17,19 +17,13 @@ from matplotlib.ticker import MaxNLocator
 from .._ascent import FEASIBLE
 from ..glide import Outcome
 from ..parameters import PARAMETERS
+from ._labels import SYMBOLS, parameter_label
 from ._style import FAINT, HEAD, INK, PITCH, YAW, new_figure, style
-from .atlas import _SYMBOLS
 from .shapes import _MAP, _MARK, _check, _edges, _sorted
 
 _PAGE = 180.0  # width of two columns [mm]
 _BEST = {"ls": "", "marker": "*", "ms": 9.0, "mfc": HEAD, "mec": "white", "mew": 0.7}
 _NOT_LANDED = {"label": "tumbles", "marker": "o", **_MARK}
-
-
-def _label(name: str) -> str:
-    unit = PARAMETERS[name].unit.replace("deg/", "° per ").replace("deg", "°")
-    symbol = _SYMBOLS.get(name, name)
-    return f"{symbol} ({unit})" if unit else symbol
 
 
 def _climb(history: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
@@ -205,8 +199,8 @@ def paths(
         low, high = (float(history[end].sel(parameter=name)) for end in ("low", "high"))
         pad = 0.02 * (high - low)
         (ax.set_xlim if axis is ax.xaxis else ax.set_ylim)(low - pad, high + pad)
-    ax.set_xlabel(_label(across))
-    ax.set_ylabel(_label(up))
+    ax.set_xlabel(parameter_label(across))
+    ax.set_ylabel(parameter_label(up))
     keys = [line for line in ax.lines if line.get_label() in ("start", "best")]
     disc = {"ls": "", "marker": "o", "ms": 4.0, "mfc": "0.5", "mec": "white"}
     keys.insert(1, Line2D([], [], label="best of its start", **disc))
@@ -271,7 +265,7 @@ def sensitivity_map(data: xr.Dataset) -> Figure:
         look = {**_MAP, "cmap": "RdBu_r", "norm": norm}
         mesh = ax.pcolormesh(_edges(x), _edges(y), slope, **look)
         unit = {"deg/SVL": "°"}.get(PARAMETERS[name].unit, PARAMETERS[name].unit)
-        label = f"slope with {_SYMBOLS.get(name, name)} (m per {unit or 'unit'})"
+        label = f"slope with {SYMBOLS.get(name, name)} (m per {unit or 'unit'})"
         bar = figure.colorbar(mesh, ax=ax, label=label, location="top", extend="both")
         bar.outline.set_visible(False)  # type: ignore
     for ax in axes:

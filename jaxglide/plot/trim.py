@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 
 from ..parameters import PARAMETERS
 from ..trim import Trim
+from ._labels import parameter_label, shown
 from ._style import FAINT, HEAD, YAW, new_axes, style
 
 
@@ -25,8 +26,8 @@ def trim_curve(trim: Trim, ax: Axes | None = None) -> Axes:
         if bool(trim.found):
             value = factor * float(trim.value)
             ax.plot([value], [0], "o", color=HEAD, ms=5)
-            text = f"{value:.2f}" + (f" {unit}" if unit else "")
+            text = f"{value:.2f} {shown(unit)}".rstrip()
             ax.annotate(text, (value, 0), (0, 6), textcoords="offset points", ha="right")
-        ax.set_xlabel(f"{trim.parameter} ({unit})" if unit else trim.parameter)
+        ax.set_xlabel(parameter_label(trim.parameter))
         ax.set_ylabel("mean pitch moment (N mm)")
     return ax

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from jaxglide import Gait, Glider, Launch, Outcome, Snake, plot, simulate
+from jaxglide.trim import Trim
 
 NODES = 20
 THETA, NU = np.linspace(90.8, 119.1, 11), np.linspace(1.0, 1.5, 11)
@@ -486,3 +487,26 @@ def test_library_does_not_import_matplotlib_nor_plot_pyplot():
         "import jaxglide.plot; assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_trim_curve_shows_what_was_scanned_and_the_trim(found):
+    scanned, moments = np.deg2rad([0.0, 10.0, 20.0]), np.array([-2e-4, -1e-4, 3e-4])
+    trim = Trim(
+        parameter="d_psi",
+        value=np.deg2rad(13.5) if found else np.nan,
+        moment=np.zeros(()),
+        found=np.array(found),
+        crossings=np.array(int(found)),
+        scanned=scanned,
+        moments=moments,
+    )
+    ax = plot.trim_curve(trim)
+    assert ax.get_xlabel() == r"$d_\psi$ (° per SVL)"
+    assert ax.get_ylabel() == "mean pitch moment (N mm)"
+    curve = ax.lines[1]
+    assert curve.get_xydata() == pytest.approx(np.array([[0, -0.2], [10, -0.1], [20, 0.3]]))
+    assert [text.get_text() for text in ax.texts] == (["13.50° per SVL"] if found else [])
+    assert len(ax.lines) == 2 + found
+    if found:
+        assert ax.lines[2].get_xydata() == pytest.approx(np.array([[13.5, 0.0]]))

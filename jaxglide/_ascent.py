@@ -18,6 +18,7 @@ from .problem import Evaluation, Problem
 FEASIBLE = 1e-3
 """Largest violation that counts as none, in scales of the constraints."""
 
+_INSIDE = 2e-4  # of half the range: starts keep off a bound, where the slope by u vanishes
 _CLIP = 0.3  # longest step in u, whose range is pi
 _SHRINK, _SHORTEST = 0.4, 0.01  # of the steps' scale, at first 1
 _PENALTY = 10.0  # at first
@@ -113,7 +114,8 @@ class Ascent:
         starts, m = len(points), len(problem.constraints)
         self.middle = (problem.low + problem.high) / 2
         self.half = (problem.high - problem.low) / 2
-        self.u = np.arcsin(np.clip((points - self.middle) / self.half, -1, 1))
+        most = 1 - _INSIDE
+        self.u = np.arcsin(np.clip((points - self.middle) / self.half, -most, most))
         rule = _rule(optimiser, rate)
         self.state = jax.vmap(rule.init)(self.u)
         self._update = jax.jit(jax.vmap(rule.update))

@@ -6,7 +6,7 @@ for what is asked, `_ascent` for how the starts move.
 
 import enum
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -106,6 +106,7 @@ def optimise(
     problem: Problem,
     *,
     starts: int = 64,
+    guesses: Sequence[Mapping[str, float]] = (),
     screen: int = 0,
     steps: int = 100,
     polish: int = 20,
@@ -124,6 +125,8 @@ def optimise(
     Args:
         problem: what to maximise.
         starts: number of starting points, a Sobol set within the bounds.
+        guesses: points to start from before those, free parameters by name; they count
+            among the starts.
         screen: where this is more than `starts`, so many points of the set are tried first,
             without gradients, and the best of them are the starts.
         steps: most iterations.
@@ -171,7 +174,8 @@ def optimise(
         "seed": seed,
     }
     given |= {"patience": patience, "tolerance": tolerance}
-    header = {"problem": problem.describe(), **given}
+    guessed = _guessed(problem, guesses, starts)
+    header = {"problem": problem.describe(), **given, "guesses": guessed.tolist()}
     if screener is None:
         screener = evaluator or Evaluator(problem, gradients=False)
     evaluator = Evaluator(problem) if evaluator is None else evaluator
@@ -186,7 +190,7 @@ def optimise(
             journal.keep(told, found)
         return found
 
-    points = _screened(problem, starts, screen, seed, fly)
+    points = _begin(problem, guessed, starts, screen, seed, fly)
     ascent = Ascent(problem, points, optimiser, rate)
     best = Best(starts, len(problem.names), len(problem.constraints), tolerance)
     status = np.full(starts, _RUNNING)
@@ -242,14 +246,31 @@ def optimise(
     )
 
 
-def _screened(problem: Problem, starts, screen, seed, fly) -> np.ndarray:
-    """Where to start: a Sobol set, or the best points of a larger one, (S, n)."""
-    points = sobol(problem, max(starts, screen), seed)
-    if screen <= starts:
-        return points
-    best = Best(len(points), len(problem.names), len(problem.constraints), 0.0)
-    best.update(np.arange(len(points)), points, fly(points))
-    return points[best.order[:starts]]
+def _guessed(problem: Problem, guesses, starts: int) -> np.ndarray:
+    """Guesses as points, (G, n)."""
+    if len(guesses) > starts:
+        raise ValueError(f"{len(guesses)} guesses are more than {starts} starts")
+    for guess in guesses:
+        for name in guess:
+            if name not in problem.free:
+                raise ValueError(f"a guess names {name!r}, which is not free")
+        for name, (low, high) in problem.free.items():
+            if name not in guess:
+                raise ValueError(f"a guess lacks {name}")
+            check_range(f"guess of {name}", guess[name], PARAMETERS[name].unit, low, high)
+    points = [[float(guess[name]) for name in problem.names] for guess in guesses]
+    return np.array(points).reshape(len(guesses), len(problem.names))
+
+
+def _begin(problem: Problem, guessed: np.ndarray, starts, screen, seed, fly) -> np.ndarray:
+    """Where to start: guesses, then a Sobol set, or the best points of a larger one, (S, n)."""
+    wanted = starts - len(guessed)
+    points = sobol(problem, max(wanted, screen), seed)
+    if screen > starts:
+        best = Best(len(points), len(problem.names), len(problem.constraints), 0.0)
+        best.update(np.arange(len(points)), points, fly(points))
+        points = points[best.order]
+    return np.concatenate([guessed, points[:wanted]])
 
 
 def _polished(problem: Problem, best: Best, fly, rounds: int, seed: int, progress) -> str:

@@ -185,6 +185,39 @@ def test_screening_starts_from_the_best_of_many(tmp_path):
     assert again.best == found.best
 
 
+def test_guesses_are_the_first_starts():
+    problem = problem_of()
+    best = {"theta_m": 92.0, "nu_theta": 1.3}  # at z = (0.3, 0.6)
+    bound = {"theta_m": 80.0, "nu_theta": 1.25}
+    for screen in (0, 16):
+        made = Made(problem, (0.3, 0.6))
+        options = {"starts": 4, "screen": screen, "steps": 40, "polish": 0, "evaluator": made}
+        found = optimise(problem, guesses=[best, bound], **options)
+        first = found.history.point.values[0]
+        np.testing.assert_allclose(first[0], [92.0, 1.3], rtol=1e-12)
+        np.testing.assert_allclose(first[1], [80.0, 1.25], rtol=1e-4)
+        assert len(np.unique(first, axis=0)) == 4
+        assert found.value > -1e-12
+        np.testing.assert_allclose(found.values, 0.0, atol=1e-3)  # the bound was left
+
+
+@pytest.mark.parametrize(
+    ("guess", "message"),
+    [
+        ({"theta_m": 90.0}, "a guess lacks nu_theta"),
+        ({"theta_m": 130.0, "nu_theta": 1.2}, r"guess of theta_m.*130.*deg.*80.*120"),
+        ({"theta_m": np.nan, "nu_theta": 1.2}, "guess of theta_m"),
+        ({"theta_m": 90.0, "nu_theta": 1.2, "psi_m": 20.0}, "'psi_m', which is not free"),
+    ],
+)
+def test_bad_guesses_are_named(guess, message):
+    made = Made(problem_of(), (0.3, 0.6))
+    with pytest.raises(ValueError, match=message):
+        optimise(problem_of(), guesses=[guess], evaluator=made)
+    with pytest.raises(ValueError, match="2 guesses are more than 1 starts"):
+        optimise(problem_of(), starts=1, guesses=[{}, {}], evaluator=made)
+
+
 class Rugged(Made):
     """The same with a ridge, too narrow to be followed, along z_0 + 0.29 = z_1."""
 

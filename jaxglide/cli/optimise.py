@@ -41,6 +41,13 @@ def add(commands) -> None:
     text = "least distance between parts of the body, in its greatest chords (1); 'none'"
     group.add_argument("--clearance", default="1", metavar="X", help=text)
     group.add_argument("--starts", type=whole, default=64, metavar="N", help="starts (64)")
+    group.add_argument(
+        "--guess",
+        action="append",
+        default=[],
+        metavar="NAME=X,...",
+        help="a point to start from too, of all free parameters; may be given again",
+    )
     text = "gaits flown first, of which the best are the starts (512)"
     group.add_argument("--screen", type=whole, default=512, metavar="N", help=text)
     group.add_argument("--steps", type=whole, default=100, metavar="N", help="most steps (100)")
@@ -74,6 +81,18 @@ def _bounds(args) -> dict[str, tuple[float, float]]:
         if name not in given and name not in OBSERVED:
             raise UsageError(f"give --bounds of {name}")
     return {name: given.get(name, OBSERVED.get(name, (0.0, 0.0))) for name in names}
+
+
+def _guesses(args) -> list[dict[str, float]]:
+    """Points by name of the free parameters."""
+    given = []
+    for text in args.guess:
+        try:
+            pairs = [part.split("=") for part in text.split(",")]
+            given.append({name: float(value) for name, value in pairs})
+        except ValueError:
+            raise UsageError(f"{text!r} is not NAME=X,...") from None
+    return given
 
 
 def _constraints(args):
@@ -136,6 +155,7 @@ def _run(args) -> int:
     found = optimise(
         problem,
         starts=args.starts,
+        guesses=_guesses(args),
         screen=args.screen,
         steps=args.steps,
         polish=args.polish,

@@ -114,6 +114,38 @@ def test_paths_and_stops_are_the_published_ones(flown, entries):
         np.testing.assert_allclose(path[seen], np.array(published["com_m"])[seen], atol=1e-3)
 
 
+def test_a_path_goes_on_to_its_end(flown):
+    """Within the last 10 ms, by the last velocity to within what gravity does."""
+    for row in range(flown.sizes["trial"]):
+        last = int(np.isfinite(flown.path.values[row, :, 0]).sum()) - 1
+        rest = flown.end_time.values[row] - flown.time_simulated.values[last]
+        assert 0 <= rest <= 0.01
+        there = flown.path.values[row, last] + rest * flown.simulated_velocity.values[row, last]
+        np.testing.assert_allclose(flown.end.values[row], there, atol=2 * 9.81 * 0.01**2)
+        largest = np.abs(flown.end_attitude.values[row]).max()
+        if flown.outcome.values[row] == Outcome.LANDED:
+            assert flown.end.values[row, 2] == pytest.approx(0.0, abs=1e-9)
+            assert largest < 85.0
+        else:
+            assert largest == pytest.approx(85.0, abs=1e-6)
+
+
+def test_lift_does_no_work_and_drag_does(entries):
+    """But for what the undulation puts in."""
+    data, kept = dataset(entries), {}
+    start = data.start_position.values[:, 2], data.start_velocity.values
+    for name, scales in {"lift": (1.0, 0.0), "drag": (0.0, 1.0), "none": (0.0, 0.0)}.items():
+        alone = fly_flights(data, lift_scale=scales[0], drag_scale=scales[1])
+        state = alone.isel(time_simulated=60)
+        ends = state.path.values[:, 2], state.simulated_velocity.values
+        before, after = (9.81 * z + 0.5 * np.sum(v**2, axis=1) for z, v in (start, ends))
+        kept[name] = after[np.isfinite(after)] / before[np.isfinite(after)]
+        assert kept[name].size
+    np.testing.assert_allclose(kept["none"], 1.0, rtol=1e-9)
+    assert kept["drag"].max() < kept["lift"].min()
+    np.testing.assert_allclose(kept["lift"], 1.0, atol=0.05)
+
+
 def test_nodes_are_those_of_each_animal(entries):
     data = dataset(entries)
     flights = measured_of(data)

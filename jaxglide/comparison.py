@@ -49,11 +49,10 @@ def compare_paths(flown: xr.Dataset) -> xr.Dataset:
         one = flown.sel(trial=trial)
         paths = [_finite(one[name].values) for name in ("position", "path")]
         paths[1] = np.vstack([paths[1], one["end"].values])
-        top = min(path[0, 2] for path in paths)
         end = max(path[:, 2].min() for path in paths)
-        heights = np.linspace(top, end, _HEIGHTS)
+        heights = np.linspace(paths[0][0, 2], end, _HEIGHTS)
         measured, simulated = (at_heights(path, heights) for path in paths)
-        apart = np.linalg.norm((measured - simulated)[:, :2], axis=1)
+        apart = np.linalg.norm(measured - simulated, axis=1)
         lengths = [np.linalg.norm((p[-1] - p[0])[:2]) for p in (measured, simulated)]
         turned = [path[-1, 1] < path[:, 1].max() - 1e-6 for path in paths]
         rows.append((end, *lengths, np.sqrt(np.mean(apart**2)), *turned))

@@ -206,6 +206,23 @@ def test_a_flight_that_turns_back_is_told():
     assert "simulated 1 (1)" in summary(found)
 
 
+def test_a_summary_says_how_far():
+    straight = [
+        made([[0, 0, 8], [0, far, 2]], [[0, 0, 8], [0, near, 2]])
+        for far, near in ((6, 3), (4, 5), (2, 1))
+    ]
+    three = xr.concat(straight, "trial").assign_coords(trial=["1", "2", "3"])
+    compared = compare_paths(three)
+    text = summary(compared)
+    assert "3 flights" in text
+    assert "measured   4.00 +- 2.00 m" in text
+    assert "simulated  3.00 +- 2.00 m, 0.75 of it, correlation 0.50, farther in 1" in text
+    assert "did not shallow: measured 0, simulated 0" in text
+    error = float(compared.path_error.mean())
+    assert f"paths apart at equal heights {error:.2f} m" in text
+    assert f"(median {float(compared.path_error.median()):.2f} m)" in text
+
+
 def test_a_climb_is_passed_over():
     path = np.array([[0, 0, 8.0], [0, 1, 8.5], [0, 2, 8.2], [0, 3, 7.0], [0, 4, 6.0]])
     there = at_heights(path, np.array([8.0, 7.0, 6.5]))

@@ -198,6 +198,15 @@ def test_paths_are_compared_at_equal_heights_down_to_the_higher_end():
     assert not found.turned_simulated
 
 
+def test_a_simulation_counts_to_its_very_end():
+    data = made([[0, 0, 8], [0, 7, 1]], [[0, 0, 8], [0, 3, 2]])
+    data["end"][:] = [0.0, 3.5, 1.0]
+    found = compare_paths(data).isel(trial=0)
+    assert found.end_height == 1.0
+    assert found.distance_measured == pytest.approx(7.0)
+    assert found.distance_simulated == pytest.approx(3.5)
+
+
 def test_a_flight_that_turns_back_is_told():
     data = made([[0, 0, 8], [0, 3, 5], [0, 7, 1]], [[0, 0, 8], [0, 2, 6], [0, 1, 2]])
     found = compare_paths(data)

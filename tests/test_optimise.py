@@ -8,6 +8,8 @@ import optax
 import pytest
 import xarray as xr
 
+from jaxglide._ascent import Best
+from jaxglide._polish import sample_uphill
 from jaxglide.objectives import landing_distance, stability_margin
 from jaxglide.optimise import Status, optimise, verify
 from jaxglide.problem import Evaluation, Evaluator, Problem
@@ -254,6 +256,80 @@ def test_polishing_stays_within_bounds_and_constraints():
     beyond = Rugged(problem_of(), (1.3, 1.3))
     best = optimise(problem_of(), starts=4, steps=60, evaluator=beyond).best
     assert (place(problem_of(), best) <= 1).all()
+
+
+def polished(problem, value, rounds=8, middle=(0.5, 0.5)):
+    """Rounds done, best values after each, clouds (rounds, K, n) in z, and the best in z.
+
+    `value` gives objective and slacks, (K, 1 + m), of points z.
+    """
+    z0 = np.array([middle])
+    best = Best(1, 2, len(problem.constraints), 1e-3)
+    width, clouds, told = problem.high - problem.low, [], []
+
+    def evaluate(points):
+        clouds.append((points - problem.low) / width)
+        values = value(clouds[-1])
+        return Evaluation(values, np.zeros((*values.shape, 2)))
+
+    start = value(z0)
+    first = Evaluation(start, np.zeros((*start.shape, 2)))
+    best.update(np.array([0]), problem.low + z0 * width, first)
+    done = sample_uphill(problem, best, evaluate, rounds, 0, told.append)
+    return done, told, np.array(clouds), (best.points[0] - problem.low) / width
+
+
+def test_sampling_goes_on_while_it_gains_and_ends_when_it_does_not():
+    problem = problem_of()
+    done, told, clouds, best = polished(problem, lambda z: 1 + z[:, :1])
+    assert done == len(told) == len(clouds) == 8
+    assert (np.diff(told) > 1e-3).all()
+    assert best[0] > 0.5 + 8 * 0.019  # nearly the whole radius a round
+    done, told, clouds, _ = polished(problem, lambda z: 2 - z[:, :1] * 1e-3)
+    assert done == len(told) == 3
+
+
+def test_clouds_lie_within_the_radius_half_of_them_in_narrower_ones():
+    _, _, clouds, _ = polished(problem_of(), lambda z: 1 + 0 * z[:, :1], rounds=1)
+    reach = np.abs(clouds[0] - 0.5).max(axis=1)
+    assert len(reach) == 256
+    assert 0.0195 < reach.max() <= 0.02 + 1e-12
+    assert np.median(reach[::2]) > 0.012
+    assert 0.0002 < np.quantile(reach[1::2], 0.1) < 0.001
+
+
+def test_sampling_moves_to_the_best_that_meets_the_constraints():
+    """Uphill in z_0 as far as the edge, z_0 <= 0.55."""
+
+    def value(z):
+        return np.stack([1 + z[:, 0], 0.55 - z[:, 0]], axis=1)
+
+    _, told, _, best = polished(CONSTRAINED, value)
+    assert 0.549 < best[0] <= 0.551
+    assert told[-1] == pytest.approx(1.55, abs=2e-3)
+    none = polished(CONSTRAINED, lambda z: value(z) - [0, 1])
+    assert none[0] == 0
+
+
+def test_verification_solves_finely_and_finds_better_neighbours():
+    problem, asked = problem_of(), []
+
+    class Watched(Made):
+        def __call__(self, points, rtol=None, atol=None):
+            asked.append((len(points), rtol, atol))
+            found = super().__call__(points, rtol, atol)
+            return Evaluation(found.values + 1.0, found.gradients)
+
+    made = Watched(problem, (0.3, 0.6))
+    summit = {"theta_m": 92.0, "nu_theta": 1.3}
+    checked = verify(problem, summit, samples=64, screener=made)
+    assert asked == [(65, 1e-9, 1e-9)]
+    assert checked.value == pytest.approx(1.0)
+    assert -1e-3 < checked.gain <= 0
+    beside = verify(problem, {"theta_m": 92.0, "nu_theta": 1.2}, samples=64, screener=made)
+    assert beside.gain == pytest.approx(beside.nearby / beside.value - 1)
+    assert beside.gain > 0.01
+    assert place(problem, dict(zip(problem.names, beside.at, strict=True)))[1] > 0.4
 
 
 def test_ctrl_c_while_polishing_keeps_the_best():

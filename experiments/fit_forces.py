@@ -52,14 +52,25 @@ def main() -> None:
     ]
     header = ("model", "lift", "drag", "lift/drag", "paths apart (m)")
     write_table(options.out / "fit_forces", header, rows)
-    sd = found.relative_errors * np.array(list(found.scales.values()))
-    rows = [
-        [name, value, float(sd[k]), float(low[k]), float(high[k]), float(gaits.ends[0, k])]
-        for k, (name, value) in enumerate(found.scales.items())
-    ]
+    sd, sd_corrected = (
+        one.relative_errors * np.array(list(one.scales.values())) for one in (found, gaits)
+    )
+    rows = []
+    for k, (name, value) in enumerate(found.scales.items()):
+        own = value, sd[k], low[k], high[k], gaits.scales[name], sd_corrected[k]
+        rows.append([name, *map(float, own)])
     header = ("multiplier", "fitted", "sd (Gauss-Newton)", "2.5 % of animals", "97.5 %")
-    write_table(options.out / "fit_uncertainty", (*header, "gaits corrected"), rows)
-    fitted_dataset(fitter, found).to_netcdf(options.out / "fit.nc", engine="h5netcdf")
+    header = (*header, "gaits corrected", "sd")
+    write_table(options.out / "fit_uncertainty", header, rows)
+    for name, one, of in (("fit", found, fitter), ("fit_corrected", gaits, corrected)):
+        path = options.out / f"{name}.nc"
+        fitted_dataset(of, one).to_netcdf(path, engine="h5netcdf")
+    rows = []
+    for (name, given), changes in zip(UNCERTAINTY.items(), gaits.changes.T, strict=True):
+        one = np.rad2deg(changes)
+        rows.append([name, *map(float, (given, one.mean(), one.std(ddof=1), abs(one).max()))])
+    header = ("angle", "uncertainty (deg)", "mean correction", "sd", "largest")
+    write_table(options.out / "fit_corrections", header, rows)
     flown = fly_flights(data, polar="smooth", node_set="gauss", **found.scales)
     print(summary(compare_paths(flown)))
     save_figure(measured_and_simulated(flown), options.out / "fit_flights.png")

@@ -16,15 +16,15 @@ from common import arguments, save_figure, write_table  # first: it sets up JAX
 import numpy as np
 import xarray as xr
 
-from jaxglide import Outcome, reconstruct, simulate
+from jaxglide import Outcome, simulate
 from jaxglide.cases import build
+from jaxglide.extrapolation import extrapolation
 from jaxglide.objectives import clearance, landing_distance, stability_margin
 from jaxglide.optimise import Optimum, optimise, verify
 from jaxglide.parameters import OBSERVED
 from jaxglide.plot import before_and_after, convergence, paths
 from jaxglide.problem import SETUP, Evaluator, Problem
 from jaxglide.published import NU_THETA, THETA_M
-from jaxglide.snake import discretise
 from jaxglide.study import Study
 from jaxglide.sweep import sweep
 
@@ -40,11 +40,10 @@ RANGES = {"observed": OBSERVED, "wide": WIDE}
 USUAL = {"psi_m": 20.0, "f_theta": 1.2}  # of the published shapes
 EFFORT: dict[float, dict[str, Any]] = {
     10.0: {"starts": 32, "screen": 512, "steps": 100},
-    75.0: {"starts": 12, "screen": 512, "steps": 24, "polish": 6},
+    75.0: {"starts": 12, "screen": 512, "steps": 24},
 }
 TOLERANCE = {10.0: 1e-6, 75.0: 1e-7}  # of the search; a longer glide magnifies errors more
 MARGIN = 10.0  # deg left to a tumble
-MEASURED = {"angle": (-10.0, 60.0), "Re": (3000.0, 15000.0)}
 SAMPLES = 256  # around an optimum
 CLEARANCE = 1.0  # greatest chords between parts of the body: below, it would touch itself
 MAP_BEND = 5.0  # deg per SVL: where the broadest optimum lies
@@ -83,17 +82,7 @@ def fly(gait, height: float):
 
 def unmeasured(glide) -> list[float]:
     """Shares of body length and time beyond the measured angles of attack and Re [%]."""
-    now = reconstruct(glide, np.linspace(0.0, float(glide.time), 400))
-    sections = discretise(glide.glider.snake)
-    weight = np.asarray(sections.area / sections.chord)
-    seen = np.rad2deg(now.aerodynamics.angle_of_attack), np.asarray(now.aerodynamics.reynolds)
-    outside = [
-        (values < low) | (values > high)
-        for values, (low, high) in zip(seen, MEASURED.values(), strict=True)
-    ]
-    outside.append(outside[0] | outside[1])
-    weight = 100.0 * weight / weight.sum()
-    return [float((part.mean(axis=0) * weight).sum()) for part in outside]
+    return [100 * share for share in extrapolation(glide)]
 
 
 def binding(slacks) -> str:

@@ -123,14 +123,20 @@ def _solve(start, data: _Data, plan: _Plan, prior):
 
 @eqx.filter_jit
 def _sensitivities(y, data: _Data, plan: _Plan):
-    """Misfits, (N, 3 K), and their derivatives by the logarithms of the scales, (N, 3 K, 2)."""
+    """Misfits, (N, 3 K), and their derivatives by the logarithms of the scales and by each
+    flight's own changes [sd], (N, 3 K, 2 + c)."""
+    scales, changes = y
 
-    def apart(scales):
-        found = _paths((scales, y[1]), data, plan) - data.places
-        flat = found.reshape(found.shape[0], -1)
-        return flat, flat
+    def one(change, flight, times, places):
+        def apart(z):
+            scales, change = jnp.split(z, [len(SCALES)])
+            change = change * data.spread
+            found = _fly_to_times(jnp.exp(scales), change, flight, times, plan=plan) - places
+            return found.ravel(), found.ravel()
 
-    slopes, found = jax.jacfwd(apart, has_aux=True)(y[0])
+        return jax.jacfwd(apart, has_aux=True)(jnp.concatenate([scales, change]))
+
+    slopes, found = jax.vmap(one)(changes, data.flights, data.times, data.places)
     return found, slopes
 
 
@@ -141,7 +147,8 @@ class Fit:
     Attributes:
         scales: by name of `SCALES`.
         covariance: of their logarithms, from the Gauss-Newton Hessian with the misfits of a
-            flight taken as dependent and those of flights as not, (2, 2).
+            flight taken as dependent and those of flights as not; corrections of the gaits
+            are free to follow, (2, 2).
         misfit: root mean square distance of paths at equal times, as fitted [m].
         misfit_before: with both multipliers 1 [m].
         errors, errors_before: the same of each flight [m], (N,).
@@ -218,6 +225,7 @@ class Fitter:
         windows = [_windows(data, part) for part in _PARTS]
         times, places = windows[-1]
         self._plan = _Plan(tuple(uncertainty), float(np.ceil(10 * times.max()) / 10))
+        self.corrected = tuple(uncertainty)
         self._windows = [tuple(map(jnp.asarray, window)) for window in windows]
         self._data = _Data(
             measured_of(data),
@@ -248,7 +256,8 @@ class Fitter:
 
     def sensitivities(self, y) -> tuple[np.ndarray, np.ndarray]:
         """Distances of the paths [m], (N, 3 K), and their derivatives by the logarithms of
-        the scales, (N, 3 K, 2), at logarithms of scales and changes."""
+        the scales and by each flight's own changes [sd], (N, 3 K, 2 + c), at logarithms of
+        scales and changes."""
         found = _sensitivities(y, self._data, self._plan)
         return np.asarray(found[0]), np.asarray(found[1])
 
@@ -297,11 +306,22 @@ class Fitter:
         )
 
     def covariance(self, y) -> np.ndarray:
-        """Of the logarithms of the scales, (2, 2): H^-1 (sum over flights g g^T) H^-1, with
-        the Gauss-Newton Hessian H and each flight's gradient g."""
+        """Of the logarithms of the scales, (2, 2): H^-1 (sum over flights g g^T) H^-1.
+
+        H is the Gauss-Newton Hessian and g each flight's gradient, both with the flight's
+        own corrections following the scales (the Schur complement).
+        """
         apart, slopes = self.sensitivities(y)
-        hessian = np.einsum("nki,nkj->ij", slopes, slopes)
-        gradients = np.einsum("nki,nk->ni", slopes, apart)
+        by_scales, by_changes = np.split(slopes, [len(SCALES)], axis=2)
+        prior = _TIMES * (float(self._prior) ** 2) * len(apart)
+        tied = np.einsum("nki,nkj->nij", by_changes, by_changes)
+        tied = tied + prior * np.eye(tied.shape[1])
+        mixed = np.einsum("nki,nkj->nij", by_changes, by_scales)
+        follow = np.linalg.solve(tied, mixed)  # (N, c, 2)
+        free = by_scales - by_changes @ follow
+        hessian = np.einsum("nki,nkj->ij", by_scales, free)
+        pull = np.einsum("nci,nc->ni", follow, prior * np.asarray(y[1]))
+        gradients = np.einsum("nki,nk->ni", free, apart) - pull
         count = len(gradients)
         spread = gradients.T @ gradients * (count / max(count - 2, 1))
         inverse = np.linalg.inv(hessian)
@@ -368,6 +388,7 @@ def fitted_dataset(fitter: Fitter, fit: Fit) -> xr.Dataset:
         "start": (("start_", "multiplier"), fit.starts, "", "where fits began"),
         "end": (("start_", "multiplier"), fit.ends, "", "where they ended"),
         "misfit": (("start_",), fit.misfits, "m", "rms distance there"),
+        "correction": (("trial", "angle"), np.rad2deg(fit.changes), "deg", "of the gaits"),
     }
     data = xr.Dataset(
         {
@@ -375,6 +396,7 @@ def fitted_dataset(fitter: Fitter, fit: Fit) -> xr.Dataset:
             for name, (dims, values, unit, long_name) in variables.items()
         },
         coords={"multiplier": list(SCALES), "other": list(SCALES), "trial": fitter.trials}
+        | {"angle": list(fitter.corrected)}
         | {"snake": ("trial", fitter.animals)},
     )
     return stamp(data, {"misfit": fit.misfit, "misfit_before": fit.misfit_before})

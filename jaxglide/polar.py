@@ -20,6 +20,8 @@ from scipy.interpolate import CubicSpline
 from ._checks import check_choice, check_range, number
 from ._types import Array, Float, Scalar
 
+MEASURED_ANGLES = (-10.0, 60.0)
+"""Angles of attack within which coefficients were measured [deg]."""
 REYNOLDS = np.arange(3000.0, 15001.0, 2000.0)
 """Reynolds numbers of the measurements, (7,)."""
 ALPHA = np.arange(-10.0, 91.0, 5.0)

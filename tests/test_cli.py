@@ -380,6 +380,7 @@ def test_optimise_finds_the_best_throw(capsys, tmp_path):
     assert "elevation (deg)" in out
     assert "landing_distance" in out
     assert "at 1e-9" in out
+    assert "of body and flight lies beyond the measured force coefficients" in out
     for ending in ("", "_glides"):
         assert (tmp_path / f"o{ending}.png").stat().st_size > 5_000
     with xr.open_dataset(save, engine="h5netcdf") as data:
@@ -391,6 +392,7 @@ def test_optimise_finds_the_best_throw(capsys, tmp_path):
     assert found["best"]["elevation"] == pytest.approx(best, abs=1.0)
     assert found["value"] == pytest.approx(thrown(best), rel=1e-3)
     assert found["feasible"] is True
+    assert 0 < found["beyond_measured"]["either"] <= 1
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ FLOORS = {
     "batch": 5,
     "cluster": 5,
     "comparison": 5,
+    "extrapolation": 5,
     "fit": 5,
     "flights": 5,
     "objectives": 5,

@@ -119,18 +119,56 @@ def test_a_fit_is_saved(fitter, fit, tmp_path):
     assert "paths apart" in str(fit)
 
 
-def test_corrected_gaits_come_closer(made, fit):
-    """With the bend of each flight off by up to 3 degrees, within the stated uncertainty."""
-    off = np.array([3.0, -2.0, 1.0, -3.0, 2.0, -1.0])
-    wrong = made.assign(d_psi=made.d_psi + off)
-    held = Fitter(wrong).fit(starts=1)
-    freed = Fitter(wrong, {"d_psi": 4.0}, noise=NOISE).fit(starts=1)
+OFF = np.array([3.0, -2.0, 1.0, -3.0, 2.0, -1.0])  # deg per SVL, of the bends
+
+
+@pytest.fixture(scope="module")
+def free_bends(made):
+    """A fitter of flights with bends that are off, free within the stated uncertainty."""
+    return Fitter(made.assign(d_psi=made.d_psi + OFF), {"d_psi": 4.0}, noise=NOISE)
+
+
+@pytest.fixture(scope="module")
+def freed(free_bends):
+    return free_bends.fit(starts=1)
+
+
+def test_corrected_gaits_come_closer(made, fit, free_bends, freed):
+    held = Fitter(made.assign(d_psi=made.d_psi + OFF)).fit(starts=1)
     assert held.misfit > 1.5 * fit.misfit
     assert freed.misfit < 0.8 * held.misfit
     changed = np.rad2deg(freed.changes[:, 0])
     # most bends are found again; one flight may lie in another valley
-    assert np.median(np.abs(changed + off)) < 1.0 < np.median(np.abs(off))
+    assert np.median(np.abs(changed + OFF)) < 1.0 < np.median(np.abs(OFF))
     assert (np.abs(changed) < 3 * 4.0).all()
+    saved = fitted_dataset(free_bends, freed)
+    np.testing.assert_allclose(saved.correction.sel(angle="d_psi"), changed)
+
+
+def test_the_uncertainty_allows_for_corrections(free_bends, freed):
+    """The block of the scales in the inverse of the whole Hessian, written out."""
+    y = np.log(list(freed.scales.values())), freed.changes / np.deg2rad(4.0)
+    apart, slopes = free_bends.sensitivities(y)
+    flights, points = apart.shape
+    whole = np.zeros((flights, points + 1, 2 + flights))  # the last row holds the change
+    for n in range(flights):
+        whole[n, :points, :2] = slopes[n, :, :2]
+        whole[n, :points, 2 + n] = slopes[n, :, 2]
+        whole[n, points, 2 + n] = NOISE * np.sqrt(points / 3)
+    left = np.concatenate([apart, NOISE * np.sqrt(points / 3) * y[1]], axis=1)
+    inverse = np.linalg.inv(np.einsum("nki,nkj->ij", whole, whole))
+    gradients = np.einsum("nki,nk->ni", whole, left)
+    spread = gradients.T @ gradients * flights / (flights - 2)
+    expected = (inverse @ spread @ inverse)[:2, :2]
+    np.testing.assert_allclose(free_bends.covariance(y), expected, rtol=1e-6)
+    step = 0.1  # of a standard deviation, 0.4 degrees
+    shift = np.zeros((flights, 1))
+    shift[0] = step
+    ahead, behind = (free_bends.sensitivities((y[0], y[1] + d))[0] for d in (shift, -shift))
+    difference = (ahead - behind) / (2 * step)
+    scale = np.abs(slopes[0, :, 2]).max()
+    np.testing.assert_allclose(slopes[0, :, 2], difference[0], atol=5e-3 * scale)
+    np.testing.assert_allclose(difference[1:], 0.0, atol=1e-4 * scale)
 
 
 @pytest.mark.parametrize(

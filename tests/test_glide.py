@@ -29,6 +29,7 @@ from jaxglide import (
 from jaxglide._peaks import Peaks
 from jaxglide.attitude import angle_rates
 from jaxglide.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
+from jaxglide.extrapolation import extrapolation
 
 TIMES = 0.1 * np.arange(24)
 LIMIT = np.deg2rad(85)
@@ -289,6 +290,22 @@ def test_reconstruction_is_consistent_with_the_motion(glide, flight):
     weighted = now.air_velocity * np.asarray(flight.sections.mass)
     momentum = np.einsum("nji,njk->ni", now.R_BI, weighted)
     np.testing.assert_allclose(momentum, mass * states[:, VELOCITY], rtol=0, atol=1e-14)
+
+
+def test_extrapolation_counts_body_and_time_beyond_the_measurements(glide, flight):
+    shares = extrapolation(glide, TIMES.size)
+    air = reconstruct(glide, np.linspace(0, float(glide.time), TIMES.size)).aerodynamics
+    angle, reynolds = np.rad2deg(air.angle_of_attack), np.asarray(air.reynolds)
+    slow, fast, steep = reynolds < 3000, reynolds > 15000, (angle < -10) | (angle > 60)
+    # nodes 1 cm apart all stand for as much of the body
+    assert shares.reynolds == pytest.approx((slow | fast).mean())
+    assert shares.angle_of_attack == pytest.approx(steep.mean())
+    assert shares.either == pytest.approx((slow | fast | steep).mean())
+    assert 0.1 < shares.angle_of_attack < shares.either < 1
+    assert f"{100 * shares.either:.0f} % of body and flight lies beyond" in str(shares)
+    thin = eqx.tree_at(lambda g: g.glider.environment.kinematic_viscosity, glide, 1e-9)
+    assert extrapolation(thin).reynolds == pytest.approx(1.0)
+    assert extrapolation(thin).either == pytest.approx(1.0)
 
 
 def test_reconstruction_at_the_times_asked_for(glide, flight):

@@ -114,21 +114,24 @@ def _constraints(args):
     return tuple(asked)
 
 
-def _pictures(args, problem, found) -> list[Path]:
-    """Convergence, paths of the starts, and the best glide beside the published one."""
+def _fly(problem, case):
+    """The glide of a case with its trajectory."""
     from ..cases import build
     from ..glide import simulate
-    from ..plot import before_and_after, convergence, paths
 
-    def fly(case):
-        return simulate(*build(case, problem.setup), dense=True)
+    return simulate(*build(case, problem.setup), dense=True)
+
+
+def _pictures(args, problem, found, best) -> list[Path]:
+    """Convergence, paths of the starts, and the best glide beside the published one."""
+    from ..plot import before_and_after, convergence, paths
 
     fixed = {name: x for name, x in problem.fixed.items() if name in ("height", "speed")}
     figures = {"": convergence(found.history)}
     if len(problem.names) > 1:
         figures["_paths"] = paths(found.history)
-    best = fly({**problem.fixed, **found.best})
-    figures["_glides"] = before_and_after(fly(fixed), best, ("published", "best"))
+    usual = _fly(problem, fixed)
+    figures["_glides"] = before_and_after(usual, best, ("published", "best"))
     written = []
     for ending, figure in figures.items():
         path = args.plot.with_stem(args.plot.stem + ending)
@@ -138,6 +141,10 @@ def _pictures(args, problem, found) -> list[Path]:
 
 
 def _run(args) -> int:
+    import numpy as np
+
+    from .._ascent import FEASIBLE
+    from ..extrapolation import extrapolation
     from ..objectives import OBJECTIVES
     from ..optimise import Status, optimise, verify
     from ..problem import Evaluator, Problem
@@ -165,13 +172,17 @@ def _run(args) -> int:
         screener=screener,
     )
     write(lambda: found.history, None, args)
-    if args.plot is not None and found.feasible:
-        for path in _pictures(args, problem, found):
+    checked = beyond = None
+    if found.feasible:
+        checked = verify(problem, found.best, screener=screener)
+        best = _fly(problem, {**(problem.fixed or {}), **found.best})
+        beyond = extrapolation(best)
+        for path in _pictures(args, problem, found, best) if args.plot is not None else ():
             if not args.json:
                 print(f"wrote {path}")
-    checked = verify(problem, found.best, screener=screener) if found.feasible else None
     sense = OBJECTIVES[args.objective].sense
-    order = found.history.best_value.values.argsort()[::-1]
+    unmet = found.history.best_violation.values > FEASIBLE
+    order = np.lexsort((-found.values, unmet))
     if args.json:
         result = {
             "objective": args.objective,
@@ -184,9 +195,10 @@ def _run(args) -> int:
             "not_finite": found.skipped,
             "status": {str(s): int((found.status == s).sum()) for s in Status},
         }
-        if checked is not None:
+        if checked is not None and beyond is not None:
             result["value_at_1e-9"] = sense * checked.value
             result["gain_nearby"] = checked.gain
+            result["beyond_measured"] = beyond._asdict()
         print(json.dumps(result))
         return int(not found.feasible)
     unit = OBJECTIVES[args.objective].unit
@@ -198,6 +210,8 @@ def _run(args) -> int:
         row = "  ".join(f"{value:18.4f}" for value in cells)
         print(f"{row}  {Status(int(found.status[k]))!s:>18}")
     print(found)
+    if beyond is not None and beyond.either > 0:
+        print(f"  note: {beyond}")
     if checked is not None:
         print(
             f"  at 1e-9 {sense * checked.value:.6g} {unit}; of {checked.samples} gaits nearby "

@@ -8,11 +8,12 @@ number of resamplings of the animals.
 """
 
 import numpy as np
+import xarray as xr
 from common import arguments, flights, save_figure, write_table
 from matplotlib.figure import Figure
 
-from jaxglide.comparison import compare_paths, summary
-from jaxglide.fit import SCALES, Fitter, fitted_dataset
+from jaxglide.comparison import compare_paths
+from jaxglide.fit import SCALES, Fit, Fitter, fitted_dataset
 from jaxglide.flights import fly_flights
 from jaxglide.plot import style
 from jaxglide.plot.flights import measured_and_simulated
@@ -71,9 +72,9 @@ def main() -> None:
         rows.append([name, *map(float, (given, one.mean(), one.std(ddof=1), abs(one).max()))])
     header = ("angle", "uncertainty (deg)", "mean correction", "sd", "largest")
     write_table(options.out / "fit_corrections", header, rows)
-    flown = fly_flights(data, polar="smooth", node_set="gauss", **found.scales)
-    print(summary(compare_paths(flown)))
-    save_figure(measured_and_simulated(flown), options.out / "fit_flights.png")
+    distances(
+        options, data, found.scales, corrected_gaits(data, corrected, gaits), gaits.scales
+    )
     conclusions(options, found.scales)
     save_figure(draw(found, drawn, gaits, animals), options.out / "fit_forces.png")
 
@@ -85,6 +86,39 @@ def row_of(name, scales, misfit) -> list:
 
 def misfit_of(fitter: Fitter, scales) -> float:
     return float(np.sqrt(np.mean(fitter.errors(fitter.start(tuple(scales))) ** 2)))
+
+
+def corrected_gaits(data: xr.Dataset, fitter: Fitter, gaits: Fit) -> xr.Dataset:
+    """The flights with the gaits that were fitted."""
+    changed = {}
+    for name, change in zip(fitter.corrected, np.rad2deg(gaits.changes).T, strict=True):
+        changed[name] = data[name] + xr.DataArray(change, dims="trial")
+    return data.assign(changed)
+
+
+def distances(options, measured: tuple, corrected: tuple) -> None:
+    """How far the flights go with measured and corrected gaits, and their pictures.
+
+    Each is given as the flights and the scales fitted to them.
+    """
+    rows = []
+    for name, (data, scales), picture in (
+        ("published forces, measured gaits", (measured[0], {}), None),
+        ("fitted forces, measured gaits", measured, "fit_flights"),
+        ("published forces, corrected gaits", (corrected[0], {}), None),
+        ("fitted forces, corrected gaits", corrected, "fit_flights_corrected"),
+    ):
+        flown = fly_flights(data, polar="smooth", node_set="gauss", **scales)
+        found = compare_paths(flown)
+        far, true = found.distance_simulated.values, found.distance_measured.values
+        own = far.mean(), far.std(ddof=1), far.mean() / true.mean()
+        own += np.corrcoef(far, true)[0, 1], found.path_error.values.mean()
+        rows.append([name, *map(float, own), int(found.turned_simulated.sum())])
+        if picture is not None:
+            save_figure(measured_and_simulated(flown), options.out / f"{picture}.png")
+    header = ("model", "distance (m)", "sd", "of the measured", "correlation")
+    header += ("apart at equal heights (m)", "turn back")
+    write_table(options.out / "fit_distances", header, rows)
 
 
 def conclusions(options, scales) -> None:

@@ -72,9 +72,8 @@ def main() -> None:
         rows.append([name, *map(float, (given, one.mean(), one.std(ddof=1), abs(one).max()))])
     header = ("angle", "uncertainty (deg)", "mean correction", "sd", "largest")
     write_table(options.out / "fit_corrections", header, rows)
-    distances(
-        options, data, found.scales, corrected_gaits(data, corrected, gaits), gaits.scales
-    )
+    closer = corrected_gaits(data, corrected, gaits)
+    distances(options, (data, found.scales), (closer, gaits.scales))
     conclusions(options, found.scales)
     save_figure(draw(found, drawn, gaits, animals), options.out / "fit_forces.png")
 

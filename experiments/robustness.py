@@ -18,6 +18,8 @@ from optimal_gaits import (
     MARGIN,
     SHAPE,
     TOLERANCE,
+    USUAL,
+    WIDE,
     best_published,
     clearance,
     fly,
@@ -33,6 +35,7 @@ from jaxglide.problem import Evaluator, Problem
 SPREAD = 0.1
 CHANGED = ("lift_scale", "drag_scale", "speed", "mass")
 SAMPLES = 256
+FEWER = 64  # from 75 m
 AROUND = 0.02  # of the ranges of the gait, for samples around it
 EFFORT: dict[str, Any] = {"starts": 12, "steps": 14, "polish": 4}  # of the robust searches
 
@@ -56,25 +59,51 @@ def robust(how: str) -> dict[str, float]:
     return found.best
 
 
-def nominal(options) -> dict[str, float]:
-    """The optimum for fixed circumstances; that of `optimal_gaits` where it was kept."""
-    kept = options.out / "optimal_10m_3_observed.nc"
-    if not kept.exists():
-        return optimise(problem_of(), starts=32, steps=32).best
-    history = xr.load_dataset(kept, engine="h5netcdf")
+def kept(options, label: str) -> dict[str, float] | None:
+    """The optimum that `optimal_gaits` kept under a label, if it did."""
+    path = options.out / f"optimal_{label}.nc"
+    if not path.exists():
+        return None
+    history = xr.load_dataset(path, engine="h5netcdf")
     value = history.best_value.where(history.best_violation < 1e-3).values
     best = history.best_point.isel(start=int(np.nanargmax(value)))
-    return {name: float(best.sel(parameter=name)) for name in SHAPE}
+    return {str(name): float(best.sel(parameter=name)) for name in history.parameter.values}
 
 
-def problem_around(speed: float, mass: float) -> Problem:
+def nominal(options) -> dict[str, float]:
+    """The optimum for fixed circumstances; that of `optimal_gaits` where it was kept."""
+    found = kept(options, "10m_3_observed")
+    if found is None:
+        return optimise(problem_of(), starts=32, screen=512).best
+    return {name: found[name] for name in SHAPE}
+
+
+def problem_around(speed: float, mass: float, ranges=None, height: float = 10.0) -> Problem:
     """Distance and margin with gait and circumstances free, all in one compiled function."""
     usual = dict(zip(CHANGED, (1.0, 1.0, speed, mass), strict=True))
-    free = {name: OBSERVED[name] for name in SHAPE}
+    free = {name: OBSERVED[name] for name in SHAPE} if ranges is None else dict(ranges)
     free |= {n: (value * (1 - SPREAD), value * (1 + SPREAD)) for n, value in usual.items()}
     margin = stability_margin.at_least(MARGIN, scale=10.0)
-    tolerance: dict[str, Any] = {"rtol": TOLERANCE[10.0], "atol": TOLERANCE[10.0]}
-    return Problem(landing_distance, free, (margin,), **tolerance)
+    tolerance: dict[str, Any] = {"rtol": TOLERANCE[height], "atol": TOLERANCE[height]}
+    return Problem(landing_distance, free, (margin,), {"height": height}, **tolerance)
+
+
+def long_glides(options, speed: float, mass: float) -> None:
+    """Under the same changes, the gaits that land from 75 m, where they were kept."""
+    usual = np.array([1.0, 1.0, speed, mass])
+    drawn = usual * (1 + SPREAD * np.random.default_rng(0).uniform(-1, 1, (FEWER, 4)))
+    fast, rows = Evaluator(problem_around(speed, mass, WIDE, 75.0), gradients=False), []
+    for label in ("3_observed", "3_wide", "5_observed", "5_wide"):
+        gait = kept(options, f"75m_{label}")
+        if gait is None:
+            continue
+        whole = [{**USUAL, **gait}[name] for name in WIDE]
+        points = np.column_stack([np.tile(whole, (FEWER, 1)), drawn])
+        values = fast(np.vstack([[*whole, *usual], points])).values
+        rows.append((label, float(values[0, 0]), *shares(values[1:])))
+    header = ("gait", "distance (m)", "mean (m)", "10th %ile", "least", "kept (%)")
+    if rows:
+        write_table(options.out / "robustness_75m", header, rows)
 
 
 def shares(values: np.ndarray) -> list[float]:
@@ -124,6 +153,7 @@ def main() -> None:
         header += tuple(f"{what}: {x}" for x in ("mean (m)", "10th %ile", "least", "kept (%)"))
     write_table(options.out / "robustness", header, rows)
     save_figure(draw(drawn), options.out / "robustness.png")
+    long_glides(options, speed, mass)
 
 
 @style()

@@ -37,7 +37,8 @@ CHANGED = ("lift_scale", "drag_scale", "speed", "mass")
 SAMPLES = 256
 FEWER = 64  # from 75 m
 AROUND = 0.02  # of the ranges of the gait, for samples around it
-EFFORT: dict[str, Any] = {"starts": 12, "steps": 14, "polish": 4}  # of the robust searches
+# of the robust searches
+EFFORT: dict[str, Any] = {"starts": 12, "screen": 96, "steps": 14, "polish": 4}
 
 
 def corners() -> dict[str, Any]:

@@ -103,6 +103,7 @@ def test_reverse_mode_of_the_default(forward):
     np.testing.assert_allclose(reverse, forward[:2], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_checkpointed_reverse_mode_agrees_with_forward(forward):
     """An independent derivative: the checkpointed adjoint, through launch and event."""
     adjoint = diffrax.RecursiveCheckpointAdjoint()

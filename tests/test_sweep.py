@@ -421,6 +421,7 @@ def test_a_worker_flies_the_batch_it_is_told(tmp_path, monkeypatch):
     np.testing.assert_array_equal(kept.read()["time"], [1, 2, 0])
 
 
+@pytest.mark.slow
 def test_a_cluster_survives_the_loss_of_a_worker(tmp_path):
     """Two real worker processes, one killed in the middle; the store is complete."""
     distributed = pytest.importorskip("distributed")

@@ -18,6 +18,7 @@ _SAMPLES = 256  # a round
 _NARROW = 0.03  # of the radius: the narrowest cloud
 _WORTH = 1e-3  # a relative gain worth another round
 _BARREN = 3  # rounds without one, after which it ends
+_SUMMITS = 3  # starts sampled around
 
 
 def neighbours(problem: Problem, centre, radius, count: int, rng) -> np.ndarray:
@@ -27,19 +28,33 @@ def neighbours(problem: Problem, centre, radius, count: int, rng) -> np.ndarray:
     return np.clip(around, problem.low, problem.high)
 
 
+def summits(problem: Problem, best: Best) -> list[int]:
+    """The best feasible starts, best first, at most three: none whose end lies within half
+    the radius of a better one's."""
+    chosen: list[int] = []
+    place = (best.points - problem.low) / (problem.high - problem.low)
+    for start in best.order[best.feasible[best.order]]:
+        apart = [np.abs(place[start] - place[other]).max() for other in chosen]
+        if min(apart, default=np.inf) > RADIUS / 2:
+            chosen.append(int(start))
+    return chosen[:_SUMMITS]
+
+
 def sample_uphill(
     problem: Problem,
     best: Best,
+    lead: int,
     evaluate: Callable[[np.ndarray], Evaluation],
     rounds: int,
     seed: int,
     told: Callable[[float], None],
 ) -> int:
-    """Move the leader to the best feasible of its neighbours until three rounds gain nothing.
+    """Move a start to the best feasible of its neighbours until three rounds gain nothing.
 
     Args:
         problem: what is maximised.
         best: where the starts ended; changed in place.
+        lead: the start, a feasible one.
         evaluate: values at points (K, n).
         rounds: most rounds of 256 neighbours, half of them in ever narrower clouds.
         seed: of the samples.
@@ -49,9 +64,6 @@ def sample_uphill(
         Rounds done.
     """
     rng, barren = np.random.default_rng([seed, 1]), 0
-    lead = best.leader
-    if not best.feasible[lead]:
-        return 0
     for done in range(rounds):
         radius = RADIUS * _NARROW ** rng.uniform(0, 1, (_SAMPLES, 1))
         radius[::2] = RADIUS

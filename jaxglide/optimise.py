@@ -18,7 +18,7 @@ import xarray as xr
 from ._ascent import FEASIBLE, Ascent, Best, sobol
 from ._checks import check_choice, check_integer, check_range
 from ._journal import Journal
-from ._polish import RADIUS, neighbours, sample_uphill
+from ._polish import RADIUS, neighbours, sample_uphill, summits
 from .parameters import PARAMETERS
 from .problem import Evaluation, Evaluator, Problem
 from .records import stamp
@@ -132,7 +132,7 @@ def optimise(
         steps: most iterations.
         polish: most rounds of 256 points sampled within 2 % of the ranges around the best
             one, which moves to the best of them; three rounds that gain less than a
-            thousandth end it.
+            thousandth end it, and those left go to the second and third best starts.
         optimiser: "adam", "lbfgs", or an optax transformation (of the gradient of what is
             to become small; its updates are added).
         rate: Adam's first step, in u (the whole range of a parameter is pi).
@@ -274,8 +274,8 @@ def _begin(problem: Problem, guessed: np.ndarray, starts, screen, seed, fly) -> 
 
 
 def _polished(problem: Problem, best: Best, fly, rounds: int, seed: int, progress) -> str:
-    """Sample uphill from the best start; what came of it, in words."""
-    before = float(best.values[best.leader])
+    """Sample uphill from the best starts; what came of it, in words."""
+    before, done = float(best.values[best.leader]), 0
     with progress_bar(rounds, "round", progress) as bar:
 
         def told(value: float) -> None:
@@ -283,7 +283,8 @@ def _polished(problem: Problem, best: Best, fly, rounds: int, seed: int, progres
             bar.update()
 
         try:
-            done = sample_uphill(problem, best, fly, rounds, seed, told)
+            for lead in summits(problem, best):
+                done += sample_uphill(problem, best, lead, fly, rounds - done, seed, told)
         except KeyboardInterrupt:
             return "; interrupted while sampling around the best"
     if not done:

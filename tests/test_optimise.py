@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from jaxglide._ascent import Best
-from jaxglide._polish import sample_uphill
+from jaxglide._polish import sample_uphill, summits
 from jaxglide.objectives import landing_distance, stability_margin
 from jaxglide.optimise import Status, optimise, verify
 from jaxglide.problem import Evaluation, Evaluator, Problem
@@ -275,7 +275,10 @@ def polished(problem, value, rounds=8, middle=(0.5, 0.5)):
     start = value(z0)
     first = Evaluation(start, np.zeros((*start.shape, 2)))
     best.update(np.array([0]), problem.low + z0 * width, first)
-    done = sample_uphill(problem, best, evaluate, rounds, 0, told.append)
+    done = sum(
+        sample_uphill(problem, best, lead, evaluate, rounds, 0, told.append)
+        for lead in summits(problem, best)
+    )
     return done, told, np.array(clouds), (best.points[0] - problem.low) / width
 
 
@@ -287,6 +290,36 @@ def test_sampling_goes_on_while_it_gains_and_ends_when_it_does_not():
     assert best[0] > 0.5 + 8 * 0.019  # nearly the whole radius a round
     done, told, clouds, _ = polished(problem, lambda z: 2 - z[:, :1] * 1e-3)
     assert done == len(told) == 3
+
+
+def test_sampling_starts_from_the_three_best_ends_that_are_apart():
+    problem = problem_of()
+    z = np.array([[0.5, 0.5], [0.2, 0.2], [0.505, 0.5], [0.8, 0.2], [0.1, 0.9], [0.3, 0.3]])
+    values = np.array([[5.0], [3.0], [4.9], [4.0], [9.0], [2.0]])
+    best = Best(6, 2, 0, 1e-3)
+    points = problem.low + z * (problem.high - problem.low)
+    best.update(np.arange(6), points, Evaluation(values, np.zeros((6, 1, 2))))
+    best.violation[4] = 1.0  # not feasible
+    assert summits(problem, best) == [0, 3, 1]
+    best.violation[:] = 1.0
+    assert summits(problem, best) == []
+
+
+def test_rounds_that_are_left_go_to_the_next_best_start():
+    """The best start sits on a flat, another below it on a slope that leads higher."""
+    problem = problem_of()
+
+    class Cliff(Made):
+        def __call__(self, points, rtol=None, atol=None):
+            z = (points - self.problem.low) / (self.problem.high - self.problem.low)
+            slope = np.where(z[:, 0] > 0.5, 1.0, 0.5 + z[:, 0] * z[:, 1] * 4)
+            return Evaluation(slope[:, None], np.zeros((len(z), 1, 2)))
+
+    options = {"starts": 16, "steps": 1, "evaluator": Cliff(problem, (0.3, 0.6))}
+    few, many = (optimise(problem, polish=n, **options) for n in (3, 40))
+    assert many.value > few.value + 0.1
+    rounds = int(many.reason.split(" rounds of sampling")[0].split()[-1])
+    assert 3 < rounds <= 40
 
 
 def test_clouds_lie_within_the_radius_half_of_them_in_narrower_ones():

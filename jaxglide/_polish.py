@@ -58,7 +58,7 @@ def sample_uphill(
         evaluate: values at points (K, n).
         rounds: most rounds of 256 neighbours, half of them in ever narrower clouds.
         seed: of the samples.
-        told: called with the best value after each round.
+        told: called with the best value of all starts after each round.
 
     Returns:
         Rounds done.
@@ -74,7 +74,7 @@ def sample_uphill(
         k = np.array([np.argmax(np.where(met, found.values[:, 0], -np.inf))])
         only = Evaluation(found.values[k], found.gradients[k])
         best.update(np.array([lead]), points[k], only)
-        told(float(best.values[lead]))
+        told(float(best.values[best.leader]))
         gained = best.values[lead] - before > _WORTH * abs(before)
         barren = 0 if gained else barren + 1
         if barren == _BARREN:

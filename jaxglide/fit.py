@@ -224,8 +224,8 @@ class Fitter:
         self.animals = np.array([str(snake) for snake in data["snake"].values])
         windows = [_windows(data, part) for part in _PARTS]
         times, places = windows[-1]
-        self._plan = _Plan(tuple(uncertainty), float(np.ceil(10 * times.max()) / 10))
         self.corrected = tuple(uncertainty)
+        self._plan = _Plan(self.corrected, float(np.ceil(10 * times.max()) / 10))
         self._windows = [tuple(map(jnp.asarray, window)) for window in windows]
         self._data = _Data(
             measured_of(data),
@@ -315,7 +315,7 @@ class Fitter:
         by_scales, by_changes = np.split(slopes, [len(SCALES)], axis=2)
         prior = _TIMES * (float(self._prior) ** 2) * len(apart)
         tied = np.einsum("nki,nkj->nij", by_changes, by_changes)
-        tied = tied + prior * np.eye(tied.shape[1])
+        tied += prior * np.eye(len(self.corrected))
         mixed = np.einsum("nki,nkj->nij", by_changes, by_scales)
         follow = np.linalg.solve(tied, mixed)  # (N, c, 2)
         free = by_scales - by_changes @ follow

@@ -375,6 +375,7 @@ def test_optimise_finds_the_best_throw(capsys, tmp_path):
     save, plot, log = tmp_path / "o.nc", tmp_path / "o.png", tmp_path / "o.jsonl"
     options = ("optimise", *THROW, "--bounds", "elevation=10:60", "--margin", "none")
     options += ("--starts", "2", "--screen", "8", "--steps", "25", "--log", str(log))
+    options += ("--guess", "elevation=12.5")
     code, out, err = run(capsys, *options, "--save", str(save), "--plot", str(plot))
     assert (code, err) == (0, "")
     assert "elevation (deg)" in out
@@ -386,6 +387,8 @@ def test_optimise_finds_the_best_throw(capsys, tmp_path):
     with xr.open_dataset(save, engine="h5netcdf") as data:
         assert data.attrs["seed"] == 0
         assert data.sizes["start"] == 2
+        first = data.point.isel(step=0, start=0).sel(parameter="elevation")
+        assert float(first) == pytest.approx(12.5)
     code, out, _ = run(capsys, *options, "--json")  # from the log: nothing is flown again
     found = json.loads(out)
     best = np.rad2deg(np.arctan(6 / np.sqrt(36 + 4 * 9.81)))
@@ -405,6 +408,8 @@ def test_optimise_finds_the_best_throw(capsys, tmp_path):
         (("--fix", "height"), "--fix 'height' is not NAME=VALUE"),
         (("--fix", "height=-1"), "height = -1 m is not allowed"),
         (("--starts", "0"), "starts = 0 is not allowed"),
+        (("--guess", "theta_m"), "'theta_m' is not NAME=X"),
+        (("--guess", "theta_m=96,nu_theta=1.3"), "a guess lacks d_psi"),
     ],
 )
 def test_optimise_names_what_is_wrong(capsys, options, message):

@@ -199,6 +199,7 @@ def test_guesses_are_the_first_starts():
         np.testing.assert_allclose(first[0], [92.0, 1.3], rtol=1e-12)
         np.testing.assert_allclose(first[1], [80.0, 1.25], rtol=1e-4)
         assert len(np.unique(first, axis=0)) == 4
+        assert found.history.point.values[1, 1, 0] > 80.05  # at once: it has a slope there
         assert found.value > -1e-12
         np.testing.assert_allclose(found.values, 0.0, atol=1e-3)  # the bound was left
 
@@ -316,10 +317,13 @@ def test_rounds_that_are_left_go_to_the_next_best_start():
             return Evaluation(slope[:, None], np.zeros((len(z), 1, 2)))
 
     options = {"starts": 16, "steps": 1, "evaluator": Cliff(problem, (0.3, 0.6))}
-    few, many = (optimise(problem, polish=n, **options) for n in (3, 40))
+    few, some, many = (optimise(problem, polish=n, **options) for n in (3, 5, 40))
     assert many.value > few.value + 0.1
-    rounds = int(many.reason.split(" rounds of sampling")[0].split()[-1])
-    assert 3 < rounds <= 40
+    rounds = [
+        int(one.reason.split(" rounds of sampling")[0].split()[-1]) for one in (few, some, many)
+    ]
+    assert rounds[:2] == [3, 5]
+    assert 10 < rounds[2] <= 40
 
 
 def test_clouds_lie_within_the_radius_half_of_them_in_narrower_ones():

@@ -51,7 +51,7 @@ def add(commands) -> None:
     text = "gaits flown first, of which the best are the starts (512)"
     group.add_argument("--screen", type=whole, default=512, metavar="N", help=text)
     group.add_argument("--steps", type=whole, default=100, metavar="N", help="most steps (100)")
-    text = "most rounds of sampling around the best at the end (20)"
+    text = "most rounds of sampling around the best three at the end (20)"
     group.add_argument("--polish", type=whole, default=20, metavar="N", help=text)
     group.add_argument("--optimiser", choices=("adam", "lbfgs"), default="adam", help="(adam)")
     group.add_argument("--seed", type=whole, default=0, metavar="N", help="of the starts (0)")

@@ -89,9 +89,23 @@ def test_the_uncertainty_is_that_of_repeated_measurements(fitter, fit):
         np.testing.assert_allclose(slopes[..., k], difference, atol=5e-3 * scale)
 
 
-def test_left_out_animals_are_predicted(fitter, fit):
+@pytest.fixture
+def weighed(fitter, monkeypatch):
+    """Weights of the flights in every fit that a test makes."""
+    weights, solve = [], fitter.solve
+
+    def watched(start, given=None):
+        weights.append(np.asarray(given, float))
+        return solve(start, given)
+
+    monkeypatch.setattr(fitter, "solve", watched)
+    return weights
+
+
+def test_left_out_animals_are_predicted(fitter, fit, weighed):
     start = fitter.start(tuple(fit.scales.values()))
     rows = fitter.leave_out(start=start)
+    np.testing.assert_array_equal(weighed, 1 - np.repeat(np.eye(3), 2, axis=1))
     assert [row["animal"] for row in rows] == ["A", "B", "C"]
     for row in rows:
         assert row["flights"] == 2
@@ -102,9 +116,13 @@ def test_left_out_animals_are_predicted(fitter, fit):
     assert rows[0]["lift_scale"] != rows[1]["lift_scale"]
 
 
-def test_animals_drawn_anew_spread_about_the_fit(fitter, fit):
+def test_animals_drawn_anew_spread_about_the_fit(fitter, fit, weighed):
     start = fitter.start(tuple(fit.scales.values()))
     drawn = fitter.resample(4, start=start)
+    counts = np.array(weighed)[:, ::2]  # both flights of an animal weigh the same
+    np.testing.assert_array_equal(weighed, np.repeat(counts, 2, axis=1))
+    np.testing.assert_array_equal(counts.sum(axis=1), 3)
+    assert counts.max() > 1
     assert drawn.shape == (4, 2)
     np.testing.assert_allclose(drawn, np.broadcast_to(list(TRUE.values()), (4, 2)), rtol=0.03)
     assert np.ptp(drawn, axis=0).min() > 0

@@ -15,6 +15,7 @@ FLOORS = {
     "_types": 0,
     "_numerics": 0,
     "_checks": 0,
+    "_files": 0,
     "_modes": 0,
     "parameters": 0,
     "environment": 1,

@@ -5,7 +5,10 @@ known yet and every check passes, so the same constructors serve the front door 
 traced code.
 """
 
+import sys
+import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
@@ -92,3 +95,26 @@ def check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
     """Raise `ValueError` unless `value` is one of `choices`."""
     if value not in choices:
         raise ValueError(f"{name} = {value!r} is not one of {', '.join(choices)}")
+
+
+def warn_float32(rtol: Any, atol: Any, dtype: Any = None) -> None:
+    """Warn, at the line that called the package, of tolerances too tight for float32.
+
+    Python shows a warning of one text and line once, however often it is given.
+
+    Args:
+        rtol, atol: tolerances of the solver; traced ones are let through.
+        dtype: what is computed in; by default what JAX makes of a float.
+    """
+    dtype = jnp.result_type(float) if dtype is None else dtype
+    if dtype != jnp.float32 or is_traced(rtol) or is_traced(atol) or min(rtol, atol) >= 1e-5:
+        return
+    package, frame, level = Path(__file__).parent, sys._getframe(1), 2
+    while frame.f_back and package in Path(frame.f_code.co_filename).parents:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(
+        f"rtol = {rtol:g}, atol = {atol:g} are too tight for float32, whose steps cannot "
+        "be that exact: call jax.config.update('jax_enable_x64', True) first, or use "
+        "tolerances of 1e-5 or more",
+        stacklevel=level,
+    )

@@ -1,7 +1,6 @@
 """`simulate`: one glide from launch to its end (floor 4, MODEL section 10)."""
 
 import enum
-import warnings
 
 import diffrax
 import equinox as eqx
@@ -10,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ._checks import check_integer, check_range, is_traced, number
+from ._checks import check_integer, check_range, is_traced, number, warn_float32
 from ._modes import either_mode
 from ._peaks import PeakController
 from ._types import Array, Flag, Float, Integer, Scalar, State, Vec3
@@ -402,13 +401,7 @@ def simulate(
         if not is_traced(times) and np.any(np.diff(times) < 0):
             raise ValueError("times must increase")
     dtype = launch.height.dtype
-    if dtype == jnp.float32 and not is_traced(rtol) and min(rtol, atol) < 1e-5:
-        warnings.warn(
-            f"rtol = {rtol:g}, atol = {atol:g} are too tight for float32, whose steps cannot "
-            "be that exact: call jax.config.update('jax_enable_x64', True) first, or use "
-            "tolerances of 1e-5 or more",
-            stacklevel=2,
-        )
+    warn_float32(rtol, atol, dtype)
     settings = Settings(
         rtol=jnp.asarray(rtol, dtype),
         atol=jnp.asarray(atol, dtype),

@@ -11,6 +11,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxglide._files import make_folder, write_text
+
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -60,9 +62,9 @@ def machine() -> dict[str, Any]:
 
 def report(name: str, rows: list[dict[str, Any]]) -> None:
     """Print rows as a table and write them with the machine to results/NAME.json."""
-    RESULTS.mkdir(exist_ok=True)
+    make_folder(RESULTS)
     record = {"benchmark": name, "machine": machine(), "rows": rows}
-    (RESULTS / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n")
+    write_text(RESULTS / f"{name}.json", json.dumps(record, indent=1) + "\n")
     columns = list(dict.fromkeys(key for row in rows for key in row))
     cells = [columns] + [[_format(row.get(column)) for column in columns] for row in rows]
     widths = [max(len(line[i]) for line in cells) for i in range(len(columns))]

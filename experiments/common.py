@@ -9,6 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from jaxglide._files import make_folder, write_figure, write_text
 from jaxglide.cli import configure
 
 configure()  # before anything loads JAX
@@ -40,7 +41,7 @@ def arguments(description: str | None) -> Options:
     parser.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
     parser.add_argument("--size", type=int, help="number of glides, where it can be chosen")
     given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
+    make_folder(given.out)
     return Options(given.out, given.resume, given.size)
 
 
@@ -70,9 +71,9 @@ def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence]) -> 
     lines += [[_text(value) for value in row] for row in rows]
     text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     print(text)
-    path.with_suffix(".md").write_text(text + "\n")
+    write_text(path.with_suffix(".md"), text + "\n")
     records = [dict(zip(header, map(_plain, row), strict=True)) for row in rows]
-    path.with_suffix(".json").write_text(json.dumps(records, indent=1) + "\n")
+    write_text(path.with_suffix(".json"), json.dumps(records, indent=1) + "\n")
 
 
 def _plain(value):
@@ -82,5 +83,5 @@ def _plain(value):
 
 def save_figure(figure, path: Path) -> None:
     """Write a figure and say so."""
-    figure.savefig(path)
+    write_figure(path, figure)
     print(f"wrote {path}")

@@ -2,6 +2,7 @@
 
 from common import arguments, save_figure, write_table
 
+from jaxglide._files import write_netcdf
 from jaxglide.plot import shape_heatmaps
 from jaxglide.published import long_summary, shape_space, summary
 
@@ -15,7 +16,7 @@ def main() -> None:
     write_table(options.out / "table_s1", ("quantity", "region", "jaxglide", "published"), rows)
     for height, data in (("10m", short), ("75m", tall)):
         save_figure(shape_heatmaps(data), options.out / f"figure_4_{height}.png")
-        data.to_netcdf(options.out / f"figure_4_{height}.nc", engine="h5netcdf")
+        write_netcdf(options.out / f"figure_4_{height}.nc", data)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ The commands run in a scratch folder, in order; the pictures go to the folder of
 """
 
 import contextlib
+import io
 import shlex
 import tempfile
 from pathlib import Path
@@ -14,6 +15,7 @@ from common import arguments  # first: it sets up JAX
 from PIL import Image
 
 from jaxglide import cli
+from jaxglide._files import write_bytes
 
 WIDTH = 900  # pixels at most
 COLOURS = 128
@@ -69,9 +71,13 @@ def shrink(picture: Path, out: Path) -> None:
         if image.width > WIDTH:
             height = round(image.height * WIDTH / image.width)
             image = image.resize((WIDTH, height), Image.Resampling.LANCZOS)
-        image.save(out, optimize=True)
-        if out.stat().st_size > SMALL:
-            image.quantize(COLOURS, dither=Image.Dither.NONE).save(out, optimize=True)
+        memory = io.BytesIO()
+        image.save(memory, format="PNG", optimize=True)
+        if len(memory.getvalue()) > SMALL:
+            memory = io.BytesIO()
+            fewer = image.quantize(COLOURS, dither=Image.Dither.NONE)
+            fewer.save(memory, format="PNG", optimize=True)
+    write_bytes(out, memory.getvalue())
 
 
 def main() -> None:

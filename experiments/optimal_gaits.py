@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from jaxglide import Outcome, simulate
+from jaxglide._files import write_netcdf
 from jaxglide.cases import build
 from jaxglide.extrapolation import extrapolation
 from jaxglide.objectives import clearance, landing_distance, stability_margin
@@ -132,7 +133,7 @@ def search(
     names_ = "best published shape", "optimised gait"
     both = before_and_after(fly(old, height), glide, names_)
     save_figure(both, options.out / f"{label}_glide.png")
-    found.history.to_netcdf(options.out / f"{label}.nc", engine="h5netcdf")
+    write_netcdf(options.out / f"{label}.nc", found.history)
     return row, found
 
 

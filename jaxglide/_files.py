@@ -83,6 +83,16 @@ def sync(path: Path) -> None:
         os.close(handle)
 
 
+def make_folder(path: str | Path) -> None:
+    """Make a folder and those above it, unless it is there.
+
+    Raises:
+        WriteError: it cannot be made, or a file stands in its place.
+    """
+    with writing(path):
+        Path(path).mkdir(parents=True, exist_ok=True)
+
+
 def write_bytes(path: str | Path, data: bytes | memoryview) -> None:
     """Write a whole file; see `replacing`."""
     with replacing(path) as beside:

@@ -1,16 +1,20 @@
 """Files are written whole or not at all, and one process at a time holds a place."""
 
+import ast
 import os
+import re
 import resource
 import subprocess
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
+import jaxglide
 from jaxglide import _files
 from jaxglide._files import BusyError, WriteError, alone, replacing, write_bytes, write_text
 
@@ -125,3 +129,37 @@ def test_one_process_at_a_time_and_a_dead_one_lets_go(tmp_path):
         other.wait()
     with alone(path), pytest.raises(BusyError), alone(path):
         pass
+
+
+# Names of methods that write, and the modules whose task it is
+WRITING = {"savefig", "to_netcdf", "to_zarr", "write_text", "write_bytes", "tofile", "to_csv"}
+WRITING |= {"save", "savez", "dump", "print_figure"}
+WRITERS_OF_THE_HOUSE = {"_files.py", "_journal.py", "store.py"}
+
+
+def writes(tree):
+    """Calls in a module that write a file in another way than through `_files`."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "attr", getattr(node.func, "id", None))
+        modes = [ast.unparse(a) for a in (*node.args, *(k.value for k in node.keywords))]
+        if name == "open" and any(re.fullmatch(r"""['"][rbt+]*[wax+].*""", m) for m in modes):
+            yield ast.unparse(node)
+        if name in WRITING and isinstance(node.func, ast.Attribute) and modes[:1] != ["memory"]:
+            yield ast.unparse(node)
+
+
+def test_files_are_written_in_one_way():
+    root = Path(jaxglide.__file__).parents[1]
+    folders = [root / name for name in ("jaxglide", "experiments", "benchmarks")]
+    found = {
+        path.relative_to(root): list(writes(ast.parse(path.read_text())))
+        for folder in folders
+        for path in folder.rglob("*.py")
+        if path.name not in WRITERS_OF_THE_HOUSE
+    }
+    assert len(found) > 100
+    assert not {path: calls for path, calls in found.items() if calls}
+    text = "a.savefig(p); open(p, 'w'); p.open(mode='ab'); i.save(memory); p.open('rb')"
+    assert len(list(writes(ast.parse(text)))) == 3

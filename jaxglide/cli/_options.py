@@ -2,8 +2,10 @@
 
 import argparse
 import os
+import sys
 from pathlib import Path
 
+from .._files import write_figure, write_netcdf
 from ..parameters import CHOICES, OBJECTIVES, PARAMETERS
 
 
@@ -159,12 +161,20 @@ def check_output(args) -> None:
 
 
 def write(data, figure, args) -> None:
+    """Write what --save and --plot ask for, and say so."""
     if args.save is not None:
-        data().to_netcdf(args.save, engine="h5netcdf")
-    drawn = None
+        write_netcdf(args.save, data())
+        announce(args.save, args)
     if args.plot is not None and figure is not None:
-        drawn = args.plot
-        figure().savefig(drawn, dpi=200)
-    for path in (args.save, drawn):
-        if path is not None and not args.json:
-            print(f"wrote {path}")
+        write_drawing(args.plot, figure(), args)
+
+
+def write_drawing(path: Path, figure, args) -> None:
+    """Write a figure and say so."""
+    write_figure(path, figure, dpi=200)
+    announce(path, args)
+
+
+def announce(path: Path, args) -> None:
+    """Say that a file is written: on standard error where the output is one JSON object."""
+    print(f"wrote {path}", file=sys.stderr if args.json else sys.stdout)

@@ -3,8 +3,9 @@
 import json
 from pathlib import Path
 
+from .._files import make_folder
 from ..parameters import CHOICES
-from ._options import UsageError, a_number, add_output, write
+from ._options import UsageError, a_number, add_output, write, write_drawing
 
 
 def add(commands) -> None:
@@ -50,11 +51,10 @@ def measured_flights(path: Path, quiet: bool):
         raise UsageError(f"{path} is not a NetCDF file") from None
 
 
-def _draw(folder: Path, flown) -> list[Path]:
+def _draw(folder: Path, flown, args) -> None:
     from ..plot._style import new_figure
     from ..plot.flights import distances, every_flight, measured_and_simulated
 
-    written = []
     alone = new_figure(height=90.0)
     alone.set_layout_engine("constrained")
     distances(flown, alone.add_subplot())
@@ -63,9 +63,7 @@ def _draw(folder: Path, flown) -> list[Path]:
         ("every_flight", every_flight(flown)),
         ("distances", alone),
     ):
-        written.append(folder / f"{name}.png")
-        figure.savefig(written[-1], dpi=200)
-    return written
+        write_drawing(folder / f"{name}.png", figure, args)
 
 
 def _run(args) -> int:
@@ -74,7 +72,7 @@ def _run(args) -> int:
     from ..glide import Outcome
 
     if args.plots is not None:
-        args.plots.mkdir(parents=True, exist_ok=True)
+        make_folder(args.plots)
     data = measured_flights(args.data, args.json)
     flown = fly_flights(
         data,
@@ -85,7 +83,8 @@ def _run(args) -> int:
     )
     compared = compare_paths(flown)
     write(lambda: flown.merge(compared), None, args)
-    written = [] if args.plots is None else _draw(args.plots, flown)
+    if args.plots is not None:
+        _draw(args.plots, flown, args)
     outcomes = [str(Outcome(int(code))) for code in flown.outcome.values]
     if args.json:
         names = [str(name) for name in compared.data_vars]
@@ -104,6 +103,4 @@ def _run(args) -> int:
         cells = f"{lengths[0]:10.2f}  {lengths[1]:11.2f}  {float(one.path_error):7.2f}"
         print(f"{one.trial.item():>5}  {one.snake.item():>5}  {cells}  {outcome}{back}")
     print(summary(compared))
-    for path in written:
-        print(f"wrote {path}")
     return 0

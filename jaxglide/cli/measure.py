@@ -3,7 +3,8 @@
 import json
 from pathlib import Path
 
-from ._options import UsageError, add_output, write
+from .._files import make_folder
+from ._options import UsageError, add_output, write, write_drawing
 
 # name in the dataset: (heading, unit, format, factor)
 _COLUMNS = {
@@ -83,14 +84,13 @@ def _records(data) -> list[dict]:
     return records
 
 
-def _draw(folder: Path, flights, data) -> int:
-    """Draw every flight and all gaits; the number of figures."""
+def _draw(folder: Path, flights, data, args) -> None:
+    """Draw every flight and all gaits."""
     from ..plot.measured import measured_bending, measured_gaits
 
     for flight in flights:
-        measured_bending(flight).savefig(folder / f"{flight.trial}.png", dpi=200)
-    measured_gaits(data).savefig(folder / "gaits.png", dpi=200)
-    return len(flights) + 1
+        write_drawing(folder / f"{flight.trial}.png", measured_bending(flight), args)
+    write_drawing(folder / "gaits.png", measured_gaits(data), args)
 
 
 def _run(args) -> int:
@@ -103,16 +103,15 @@ def _run(args) -> int:
         if trial not in known:
             raise UsageError(f"no recording {trial!r} in {args.data}: {', '.join(known)}")
     if args.plots is not None:
-        args.plots.mkdir(parents=True, exist_ok=True)
+        make_folder(args.plots)
     flights = measure_folder(args.data, args.trial, progress=not args.json)
     data = flights_dataset(flights)
     write(lambda: data, None, args)
-    drawn = 0 if args.plots is None else _draw(args.plots, flights, data)
+    if args.plots is not None:
+        _draw(args.plots, flights, data, args)
     if args.json:
         print(json.dumps({"flights": _records(_summary(data))}))
         return 0
     _print_table(_summary(data))
     print(_NOTES)
-    if drawn:
-        print(f"wrote {drawn} figures in {args.plots}")
     return 0

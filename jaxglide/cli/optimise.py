@@ -14,6 +14,7 @@ from ._options import (
     setup_of,
     whole,
     write,
+    write_drawing,
 )
 
 
@@ -122,7 +123,7 @@ def _fly(problem, case):
     return simulate(*build(case, problem.setup), dense=True)
 
 
-def _pictures(args, problem, found, best) -> list[Path]:
+def _pictures(args, problem, found, best) -> None:
     """Convergence, paths of the starts, and the best glide beside the published one."""
     from ..plot import before_and_after, convergence, paths
 
@@ -132,12 +133,8 @@ def _pictures(args, problem, found, best) -> list[Path]:
         figures["_paths"] = paths(found.history)
     usual = _fly(problem, fixed)
     figures["_glides"] = before_and_after(usual, best, ("published", "best"))
-    written = []
     for ending, figure in figures.items():
-        path = args.plot.with_stem(args.plot.stem + ending)
-        figure.savefig(path, dpi=200)
-        written.append(path)
-    return written
+        write_drawing(args.plot.with_stem(args.plot.stem + ending), figure, args)
 
 
 def _run(args) -> int:
@@ -177,9 +174,8 @@ def _run(args) -> int:
         checked = verify(problem, found.best, screener=screener)
         best = _fly(problem, {**(problem.fixed or {}), **found.best})
         beyond = extrapolation(best)
-        for path in _pictures(args, problem, found, best) if args.plot is not None else ():
-            if not args.json:
-                print(f"wrote {path}")
+        if args.plot is not None:
+            _pictures(args, problem, found, best)
     sense = OBJECTIVES[args.objective].sense
     unmet = found.history.best_violation.values > FEASIBLE
     order = np.lexsort((-found.values, unmet))

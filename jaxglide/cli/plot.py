@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ._options import UsageError, _suffix, writable
+from ._options import UsageError, _suffix, writable, write_drawing
 
 
 def add(commands) -> None:
@@ -24,7 +24,7 @@ def add(commands) -> None:
     plot.add_argument("--y", metavar="NAME", help="dimension up")
     text = "where, in another dimension; may be repeated"
     plot.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help=text)
-    plot.set_defaults(run=_run, save=None, plot=None)
+    plot.set_defaults(run=_run, save=None, plot=None, json=False)
 
 
 def _where(texts: list[str]) -> dict:
@@ -55,10 +55,9 @@ def _run(args) -> int:
         drawing = draw(data, args.variable, x=args.x, y=args.y, at=at)
     except ValueError as error:
         raise ValueError(f"{args.file}: {error}") from error
-    drawing.figure.savefig(out, dpi=200)
     computed, total = data.attrs.get("computed"), data.attrs.get("total")
     if computed != total:
         print(f"{args.file} is not finished: {computed} of {total} glides are there")
     print(f"drew {drawing.said}")
-    print(f"wrote {out}")
+    write_drawing(out, drawing.figure, args)
     return 0

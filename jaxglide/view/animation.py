@@ -1,6 +1,10 @@
 """The same scene for talks: an animation as GIF or MP4, and a still (floor 6)."""
 
-import warnings
+import contextlib
+import io
+import itertools
+import subprocess
+import tempfile
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from .._checks import check_range
+from .._files import WriteError, replacing, write_bytes, write_figure
 from ..glide import Glide
 from ._picture import Picture
 from .scene import scale_of, scenes_of, title_of
@@ -112,7 +117,7 @@ def still(
     frame = int(np.abs(longest - time).argmin())
     picture = Picture(scenes, title_of(glides, title), scale_of(scenes, force_scale))
     picture.draw(frame)
-    picture.figure.savefig(path, dpi=200)
+    write_figure(path, picture.figure, dpi=200)
     return path
 
 
@@ -142,26 +147,39 @@ def _write_gif(path: Path, frames: Iterator[np.ndarray], frames_per_second: floa
     paletted = [i.quantize(palette=palette, dither=Image.Dither.NONE) for i in images]
     wait = [round(1000 / frames_per_second)] * len(images)
     wait[-1] = 1500  # ms: rest on the end before it starts again
-    paletted[0].save(path, save_all=True, append_images=paletted[1:], duration=wait, loop=0)
+    memory = io.BytesIO()
+    rest = {"append_images": paletted[1:], "duration": wait, "loop": 0}
+    paletted[0].save(memory, format="GIF", save_all=True, **rest)
+    write_bytes(path, memory.getbuffer())
 
 
 def _write_mp4(path: Path, frames: Iterator[np.ndarray], frames_per_second: float) -> None:
+    """Written by ffmpeg, whose failure has to be seen: imageio-ffmpeg's own writer hides it."""
     import imageio_ffmpeg
 
-    with warnings.catch_warnings():
-        # JAX warns of every new process; the encoder is one that shares nothing with it.
-        warnings.filterwarnings("ignore", message="os.fork", category=RuntimeWarning)
-        first = next(frames)
-        size = first.shape[1], first.shape[0]
-        writer = imageio_ffmpeg.write_frames(
-            str(path),
-            size,
-            fps=frames_per_second,  # type: ignore
-            quality=8,
-            macro_block_size=4,
+    first = next(frames)
+    size, rate = f"{first.shape[1]}x{first.shape[0]}", f"{frames_per_second:g}"
+    given = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", rate, "-i", "-")
+    made = ("-an", "-vcodec", "libx264", "-crf", "10", "-pix_fmt", "yuv420p")
+    command = (imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error", "-xerror", *given, *made)
+    with replacing(path) as beside, tempfile.TemporaryFile() as words:
+        encoder = subprocess.Popen(
+            (*command, str(beside)),
+            stdin=subprocess.PIPE,
+            stderr=words,
+            process_group=0,  # Ctrl-C is for us to hear, and to end it then
         )
-        writer.send(None)
-        writer.send(np.ascontiguousarray(first))
-        for frame in frames:
-            writer.send(np.ascontiguousarray(frame))
-        writer.close()
+        assert encoder.stdin is not None
+        try:
+            with contextlib.suppress(BrokenPipeError), encoder.stdin as pipe:
+                for frame in itertools.chain([first], frames):
+                    pipe.write(np.ascontiguousarray(frame))
+            code = encoder.wait()
+        finally:
+            encoder.kill()
+            encoder.wait()
+        if code:
+            words.seek(0)
+            said = words.read().decode(errors="replace").strip().splitlines()
+            reason = said[-1] if said else f"the encoder ended with code {code}"
+            raise WriteError(f"cannot write {path}: {reason}")

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .._files import write_text
 from ..glide import Glide
 from . import _loft
 from .scene import COLOURS, Scene, scale_of, scenes_of, title_of
@@ -63,7 +64,7 @@ class Page:
     def save(self, path: str | Path) -> Path:
         """Write the document to `path` and return it."""
         path = Path(path)
-        path.write_text(self.html, encoding="utf-8")
+        write_text(path, self.html)
         return path
 
     def _repr_html_(self) -> str:
@@ -112,7 +113,7 @@ def view(
     scale = scale_of(scenes, force_scale)
     page = Page(_document(scenes, title_of(glides, title), scale), title_of(glides, title))
     if path is not None:
-        page.save(path)
+        write_text(path, page.html)
     return page
 
 

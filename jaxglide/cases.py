@@ -11,7 +11,7 @@ from .dynamics import Glider
 from .environment import Environment
 from .gait import Gait, shape_line
 from .launch import Launch
-from .parameters import CHOICES, NODES, PARAMETERS
+from .parameters import CHOICES, NODES, NODES_RANGE, PARAMETERS
 from .polar import Polar
 from .snake import Snake
 
@@ -23,7 +23,8 @@ def check_parameters(values: Mapping[str, Any]) -> None:
             known = ", ".join(PARAMETERS)
             raise ValueError(f"there is no parameter {name!r}: known are {known}")
         p = PARAMETERS[name]
-        check_range(name, value, p.unit, p.low, p.high, low_open=p.low_open)
+        ends = {"low_open": p.low_open, "high_open": p.high_open}
+        check_range(name, value, p.unit, p.low, p.high, **ends)
 
 
 def check_setup(setup: Mapping[str, Any]) -> dict[str, Any]:
@@ -39,9 +40,10 @@ def check_setup(setup: Mapping[str, Any]) -> dict[str, Any]:
     for name, choices in CHOICES.items():
         check_choice(name, full[name], choices)
     nodes = setup.get("nodes")
-    full["nodes"] = NODES[full["node_set"]] if nodes is None else nodes
-    check_integer("nodes", full["nodes"], 8, 2000)
-    return full
+    nodes = NODES[full["node_set"]] if nodes is None else nodes
+    check_integer("nodes", nodes, *NODES_RANGE)
+    # NumPy's own kinds of text and number are not JSON's
+    return {name: str(choice) for name, choice in full.items()} | {"nodes": int(nodes)}
 
 
 def full_case(case: Mapping[str, Any]) -> dict[str, Any]:

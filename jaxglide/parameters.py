@@ -1,6 +1,7 @@
 """What can be varied, by name, in the units people read (floor 0).
 
-One table serves sweeps, study files and the command line. It loads nothing.
+One table serves sweeps, study files and the command line; the defaults of all of them stand
+here. It loads nothing.
 """
 
 from typing import NamedTuple
@@ -16,7 +17,7 @@ class Parameter(NamedTuple):
         unit: unit in which it is given ("" for none).
         default: value where it is not given; None where it follows from others.
         meaning: in words.
-        low, high: range; `low` itself is excluded where `low_open`.
+        low, high: range; `low` itself is excluded where `low_open`, `high` where `high_open`.
     """
 
     unit: str
@@ -25,6 +26,7 @@ class Parameter(NamedTuple):
     low: float
     high: float
     low_open: bool = False
+    high_open: bool = False
 
 
 PARAMETERS: dict[str, Parameter] = {
@@ -36,7 +38,9 @@ PARAMETERS: dict[str, Parameter] = {
     "f_theta": Parameter("Hz", 1.2, "undulation frequency, 0 frozen", 0, 50),
     "svl": Parameter("m", 0.70, "snout-vent length", 0, 100, True),
     "mass": Parameter("kg", None, "mass (from the length)", 0, 1e5, True),
-    "neck_fraction": Parameter("", PUBLISHED_NECK, "end of the neck, of SVL", 0, 0.5, True),
+    "neck_fraction": Parameter(
+        "", PUBLISHED_NECK, "end of the neck, of SVL", 0, 0.5, True, True
+    ),
     "height": Parameter("m", 10.0, "launch height", 0, 1e5, True),
     "speed": Parameter("m/s", None, "launch speed (from wing loading)", 0, 200),
     "elevation": Parameter("deg", 0.0, "launch direction above the horizontal", -90, 90),
@@ -57,14 +61,45 @@ OBSERVED: dict[str, tuple[float, float]] = {
 }
 """Range of each variable of the gait observed in flight, in its unit."""
 
+TOLERANCE = 1e-6
+"""Relative and absolute tolerance of a glide."""
+
+MAX_TIME = 60.0
+"""Longest flight [s]."""
+
+SOLVER: dict[str, Parameter] = {
+    "rtol": Parameter("", TOLERANCE, "relative tolerance", 0, 0.1, True),
+    "atol": Parameter("", TOLERANCE, "absolute tolerance", 0, 0.1, True),
+}
+"""How a glide is solved."""
+
+HELD_SPEED = 1.7
+"""Forward speed at which the published held glides start [m/s]."""
+
+TUNNEL: dict[str, Parameter] = {
+    "yaw": Parameter("deg", 0.0, "held yaw", -85, 85, True, True),
+    "pitch": Parameter("deg", 0.0, "held pitch", -85, 85, True, True),
+    "roll": Parameter("deg", 0.0, "held roll", -85, 85, True, True),
+    "phases": Parameter("", 60, "phases at which moments are read", 2, 3600),
+    "interval": Parameter("s", 0.025, "between records", 1e-4, 10),
+    "max_time": Parameter("s", 10.0, "longest fall", 0, 1e4, True),
+}
+"""How a held glide falls and is read; one phase has no peak-to-peak."""
+
 CHOICES: dict[str, tuple[str, ...]] = {
     "polar": ("published", "smooth"),
     "node_set": ("published", "gauss"),
 }
-"""Settings that are names; the first is the default."""
+"""Settings that are names; the first is the default, but where gradients are taken."""
+
+GRADIENT_SETUP = {"polar": "smooth", "node_set": "gauss"}
+"""The setup where gradients are taken: the published polar's slopes jump."""
 
 NODES = {"published": 70, "gauss": 60}
 """Default number of nodes by node set."""
+
+NODES_RANGE = (8, 2000)
+"""Fewest and most nodes."""
 
 OBJECTIVES = (
     "landing_distance",

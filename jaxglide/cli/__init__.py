@@ -1,6 +1,5 @@
 """The command line (floor 7): one file a command. JAX is set up here, before it loads."""
 
-import argparse
 import sys
 from collections.abc import Sequence
 
@@ -18,7 +17,7 @@ from . import (
     view,
     windtunnel,
 )
-from ._options import UsageError, check_output
+from ._options import Parser, UsageError, check_output, check_ranges
 from ._setup import configure
 
 __all__ = ["configure", "main"]
@@ -39,8 +38,8 @@ COMMANDS = (
 )
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="jaxglide",
         description="The flight dynamics of flying snakes, as a differentiable model.",
     )
@@ -52,10 +51,11 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 failed, 2 wrong input)."""
-    args = _parser().parse_args(argv)
     try:
+        args = _parser().parse_args(argv)
         check_output(args)
         configure()
+        check_ranges(args)
         return args.run(args)
     except (UsageError, ValueError, TypeError) as error:
         print(f"jaxglide: {error}", file=sys.stderr)

@@ -1,23 +1,103 @@
 """What the commands share: options, checks of output files, writing."""
 
 import argparse
+import json
+import math
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any, NoReturn
 
 from .._files import write_figure, write_netcdf
-from ..parameters import CHOICES, OBJECTIVES, PARAMETERS
+from ..parameters import (
+    CHOICES,
+    NODES_RANGE,
+    OBJECTIVES,
+    PARAMETERS,
+    SOLVER,
+    TUNNEL,
+    Parameter,
+)
+
+_RANGES = {
+    **PARAMETERS,
+    **SOLVER,
+    **TUNNEL,
+    "nodes": Parameter("", None, "nodes", *NODES_RANGE),
+    "width": Parameter("", None, "glides per batch", 1, 10**6),
+}
 
 
 class UsageError(Exception):
     """A mistake of the user's: message on standard error, exit code 2."""
 
 
+class _Once(argparse.Action):
+    """Store a value; an option given twice is refused, for the first would be lost.
+
+    `args.given` holds the options given, as typed, by the name of their value.
+    """
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        if option_string is not None:
+            if self.dest in namespace.given:
+                raise argparse.ArgumentError(self, "given twice")
+            namespace.given = {**namespace.given, self.dest: option_string}
+        setattr(namespace, self.dest, values)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that takes every option once, by its full name, and fails in one sentence."""
+
+    def __init__(self, **options):
+        super().__init__(**options, allow_abbrev=False)
+        for action in (None, "store"):
+            self.register("action", action, _Once)
+        self.set_defaults(given={})
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message} ({self.prog} --help lists all options)")
+
+
+def refuse(args, names: tuple[str, ...], why: str) -> None:
+    """Fail where one of the named options was given, for it would have no effect."""
+    for name in names:
+        if name in args.given:
+            raise UsageError(f"{args.given[name]} does not apply: {why}")
+
+
+def by_name(option: str, pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """What a repeatable option gives, by name; `UsageError` where it names one twice."""
+    found = {}
+    for name, value in pairs:
+        if name in found:
+            raise UsageError(f"{option} gives {name} twice")
+        found[name] = value
+    return found
+
+
+def print_json(result: dict) -> None:
+    """Print one JSON object, with null for what is not a number (JSON has no NaN)."""
+    print(json.dumps(_with_nulls(result), allow_nan=False))
+
+
+def _with_nulls(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _with_nulls(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_with_nulls(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def a_number(text: str) -> float:
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return value
 
 
 def whole(text: str) -> int:
@@ -27,10 +107,38 @@ def whole(text: str) -> int:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
 
 
+def add_number(group, name: str, p: Parameter, default: float | None = None) -> None:
+    """An option for a number of `parameters`."""
+    unit = f" [{p.unit}]" if p.unit else ""
+    told = "" if p.default is None else f" ({p.default:.4g})"
+    group.add_argument(
+        f"--{name.replace('_', '-')}",
+        type=whole if isinstance(p.default, int) else a_number,
+        metavar="N" if isinstance(p.default, int) else "X",
+        default=default,
+        help=f"{p.meaning}{unit}{told}",
+    )
+
+
+def check_ranges(args) -> None:
+    """Raise `ValueError` for a number given out of range, by its option as typed."""
+    from .._checks import check_integer, check_range
+
+    for name, option in args.given.items():
+        p, value = _RANGES.get(name), getattr(args, name)
+        if p is None:
+            continue
+        if isinstance(value, int):
+            check_integer(option, value, int(p.low), int(p.high))
+        else:
+            ends = {"low_open": p.low_open, "high_open": p.high_open}
+            check_range(option, value, p.unit, p.low, p.high, **ends)
+
+
 def add_tolerances(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("solver")
-    group.add_argument("--rtol", type=a_number, default=1e-6, help="relative tolerance (1e-6)")
-    group.add_argument("--atol", type=a_number, default=1e-6, help="absolute tolerance (1e-6)")
+    for name, p in SOLVER.items():
+        add_number(group, name, p, default=p.default)
 
 
 def add_output(parser: argparse.ArgumentParser, save: bool = True, plot: bool = True) -> None:
@@ -68,15 +176,7 @@ def add_glider(parser: argparse.ArgumentParser, **defaults: str) -> None:
     for title, names in _GROUPS.items():
         group = parser.add_argument_group(title)
         for name in names:
-            p = PARAMETERS[name]
-            unit = f" [{p.unit}]" if p.unit else ""
-            default = "" if p.default is None else f" ({p.default:.4g})"
-            group.add_argument(
-                f"--{name.replace('_', '-')}",
-                type=a_number,
-                metavar="X",
-                help=f"{p.meaning}{unit}{default}",
-            )
+            add_number(group, name, PARAMETERS[name])
     add_setup(parser, **defaults)
 
 
@@ -94,14 +194,15 @@ def add_objective(parser: argparse.ArgumentParser) -> None:
 
 def fixed_of(args) -> dict[str, float]:
     """Values given with --fix, by name."""
-    fixed = {}
-    for text in args.fix:
-        name, _, value = text.partition("=")
-        try:
-            fixed[name] = float(value)
-        except ValueError:
-            raise UsageError(f"--fix {text!r} is not NAME=VALUE") from None
-    return fixed
+    return by_name("--fix", (_pair("--fix", text) for text in args.fix))
+
+
+def _pair(option: str, text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise UsageError(f"{option} {text!r} is not NAME=VALUE") from None
 
 
 def case_of(args) -> dict[str, float]:

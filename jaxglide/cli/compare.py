@@ -1,11 +1,10 @@
 """`jaxglide compare`."""
 
-import json
 from pathlib import Path
 
 from .._files import make_folder
 from ..parameters import CHOICES
-from ._options import UsageError, a_number, add_output, write, write_drawing
+from ._options import UsageError, a_number, add_output, print_json, write, write_drawing
 
 
 def add(commands) -> None:
@@ -93,7 +92,7 @@ def _run(args) -> int:
             | {name: compared[name].values[row].item() for name in names}
             for row, trial in enumerate(compared.trial.values.tolist())
         ]
-        print(json.dumps({"flights": rows}))
+        print_json({"flights": rows})
         return 0
     print("trial  snake  measured m  simulated m  apart m  simulation")
     for row, outcome in enumerate(outcomes):

@@ -1,9 +1,8 @@
 """`jaxglide glide`."""
 
-import json
 import sys
 
-from ._options import add_glider, add_output, add_tolerances, build_from, write
+from ._options import add_glider, add_output, add_tolerances, build_from, print_json, write
 
 _SOLVERS = ("dopri5", "tsit5", "dopri8", "bosh3")
 
@@ -78,7 +77,7 @@ def _run(args) -> int:
             },
             "steps": {"accepted": int(glide.accepted), "rejected": int(glide.rejected)},
         }
-        print(json.dumps(result))
+        print_json(result)
     else:
         print(glide)
     if not computed:

@@ -1,9 +1,7 @@
 """`jaxglide gradient`."""
 
-import json
-
 from ..parameters import PARAMETERS
-from ._options import add_objective, add_output, add_setup, fixed_of, setup_of
+from ._options import add_objective, add_output, add_setup, fixed_of, print_json, setup_of
 
 
 def add(commands) -> None:
@@ -52,6 +50,7 @@ def _run(args) -> int:
     near = Evaluator(problem, gradients=False)(point + moves, rtol=1e-11, atol=1e-11)
     far_left, left, right, far_right = near.values[:, 0].reshape(4, -1)
     differences = (8 * (right - left) - (far_right - far_left)) / (12 * steps)
+    failed = int(not np.isfinite([value, *gradient]).all())
     units = [PARAMETERS[name].unit or "1" for name in names]
     if args.json:
         rows = {
@@ -61,12 +60,12 @@ def _run(args) -> int:
             )
         }
         result = {"objective": args.objective, "value": value, "unit": objective.unit}
-        print(json.dumps({**result, "gradient": rows}))
-        return 0
+        print_json({**result, "gradient": rows})
+        return failed
     print(f"{args.objective} {value:.8g} {objective.unit}".rstrip())
     print(f"{'':14}{'at':>12}{'gradient':>16}{'by differences':>16}{'apart':>10}  unit")
     for name, x, g, d, unit in zip(names, point, gradient, differences, units, strict=True):
         apart = abs(g - d) / max(abs(d), 1e-300)
         over = f"{objective.unit or '1'} per {unit}"
         print(f"{name:14}{x:12.6g}{g:16.8g}{d:16.8g}{apart:10.1e}  {over}")
-    return 0
+    return failed

@@ -1,10 +1,9 @@
 """`jaxglide measure`."""
 
-import json
 from pathlib import Path
 
 from .._files import make_folder
-from ._options import UsageError, add_output, write, write_drawing
+from ._options import UsageError, add_output, print_json, write, write_drawing
 
 # name in the dataset: (heading, unit, format, factor)
 _COLUMNS = {
@@ -110,7 +109,7 @@ def _run(args) -> int:
     if args.plots is not None:
         _draw(args.plots, flights, data, args)
     if args.json:
-        print(json.dumps({"flights": _records(_summary(data))}))
+        print_json({"flights": _records(_summary(data))})
         return 0
     _print_table(_summary(data))
     print(_NOTES)

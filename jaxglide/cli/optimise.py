@@ -1,6 +1,5 @@
 """`jaxglide optimise`."""
 
-import json
 from pathlib import Path
 
 from ..parameters import OBSERVED, PARAMETERS
@@ -11,6 +10,7 @@ from ._options import (
     add_output,
     add_setup,
     fixed_of,
+    print_json,
     setup_of,
     whole,
     write,
@@ -195,7 +195,7 @@ def _run(args) -> int:
             result["value_at_1e-9"] = sense * checked.value
             result["gain_nearby"] = checked.gain
             result["beyond_measured"] = beyond._asdict()
-        print(json.dumps(result))
+        print_json(result)
         return int(not found.feasible)
     unit = OBJECTIVES[args.objective].unit
     heads = [f"{args.objective} ({unit})" if unit else args.objective]

@@ -1,9 +1,8 @@
 """`jaxglide shapes`."""
 
-import json
 import time
 
-from ._options import a_number, add_output, add_tolerances, write
+from ._options import a_number, add_output, add_tolerances, print_json, write
 
 
 def add(commands) -> None:
@@ -51,10 +50,8 @@ def _run(args) -> int:
         if not published:
             for row in table:
                 row["published"] = None
-        print(
-            json.dumps(
-                {"height": args.height, "seconds": took, "table": table, "borderline": flips}
-            )
+        print_json(
+            {"height": args.height, "seconds": took, "table": table, "borderline": flips}
         )
         return 0
     print(f"{data.outcome.size} glides from {args.height:g} m in {took:.1f} s with compilation")

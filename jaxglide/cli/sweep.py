@@ -1,10 +1,18 @@
 """`jaxglide sweep`."""
 
-import json
 import time
 from pathlib import Path
 
-from ._options import UsageError, add_output, add_setup, add_tolerances, setup_of, whole, write
+from ._options import (
+    UsageError,
+    add_output,
+    add_setup,
+    add_tolerances,
+    print_json,
+    setup_of,
+    whole,
+    write,
+)
 
 
 def add(commands) -> None:
@@ -75,8 +83,6 @@ def _run(args) -> int:
             fixed[name] = values[0]
         grid = dict(map(_values, args.vary))
         study = Study(grid, fixed=fixed, setup=setup_of(args), rtol=args.rtol, atol=args.atol)
-    if args.width is not None and args.width < 1:
-        raise UsageError(f"--width {args.width} is not at least 1")
     begin = time.perf_counter()
     data = sweep(study, args.store, width=args.width, cluster=args.cluster)
     took = time.perf_counter() - begin
@@ -85,7 +91,7 @@ def _run(args) -> int:
     counts = {str(o): int((codes == o).sum()) for o in Outcome if (codes == o).any()}
     computed = all(o <= Outcome.UNSTABLE_ROLL for o in Outcome if str(o) in counts)
     if args.json:
-        print(json.dumps({"glides": len(study), "seconds": took, "outcomes": counts}))
+        print_json({"glides": len(study), "seconds": took, "outcomes": counts})
         return 0 if computed else 1
     print(f"{len(study)} glides in {took:.1f} s, shape {'x'.join(map(str, study.shape))}")
     for outcome, count in counts.items():

@@ -1,9 +1,15 @@
 """`jaxglide trim`."""
 
-import json
-
 from ..parameters import OBSERVED
-from ._options import UsageError, a_number, add_glider, add_output, build_held, write
+from ._options import (
+    UsageError,
+    a_number,
+    add_glider,
+    add_output,
+    build_held,
+    print_json,
+    write,
+)
 
 
 def add(commands) -> None:
@@ -68,7 +74,7 @@ def _run(args) -> int:
             "scanned": scanned.tolist(),
             "moments_N_mm": moments.tolist(),
         }
-        print(json.dumps(result))
+        print_json(result)
         return int(not found.found)
     print(f"{name + ' (' + (unit or '1') + ')':>20}  mean pitch moment (N mm)")
     for at, moment in zip(scanned, moments, strict=True):

@@ -1,13 +1,12 @@
 """`jaxglide windtunnel`."""
 
-import json
-
 from ._options import (
     a_number,
     add_glider,
     add_output,
     build_held,
     case_of,
+    print_json,
     setup_of,
     whole,
     write,
@@ -112,7 +111,7 @@ def _run(args) -> int:
             },
             "equilibrium": np.asarray(steady.velocity).tolist() if steady.found else None,
         }
-        print(json.dumps(result))
+        print_json(result)
         return int(outcome != Outcome.LANDED)
     print(
         f"Held glide from {float(launch.height):g} m: {outcome} "

@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import json
-import tomllib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +14,19 @@ import numpy as np
 from ._checks import check_integer, check_range
 from .cases import as_array, check_parameters, check_setup
 from .parameters import PARAMETERS
+
+MOST_CASES = 10**7
+"""Most cases of one study."""
+
+
+def check_number_of_cases(sizes: Mapping[str, int]) -> None:
+    """Raise `ValueError` where a grid of that many values by name has too many cases."""
+    total = math.prod(sizes.values())
+    if total > MOST_CASES:
+        said = " x ".join(f"{name} {size}" for name, size in sizes.items())
+        raise ValueError(
+            f"the study has {total} cases ({said}); at most {MOST_CASES} are allowed"
+        )
 
 
 @dataclass(frozen=True)
@@ -55,9 +68,11 @@ class Study:
         if not varied:
             raise ValueError("a study varies at least one parameter")
         arrays = {name: as_array(name, values) for name, values in varied.items()}
-        if self.cases is not None and len({a.size for a in arrays.values()}) > 1:
-            sizes = ", ".join(f"{name} {a.size}" for name, a in arrays.items())
-            raise ValueError(f"cases differ in length: {sizes}")
+        sizes = {name: array.size for name, array in arrays.items()}
+        if self.cases is not None and len(set(sizes.values())) > 1:
+            said = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise ValueError(f"cases differ in length: {said}")
+        check_number_of_cases(sizes if self.cases is None else {"case": max(sizes.values())})
         check_parameters(self.fixed)
         for name in self.fixed:
             if name in arrays:
@@ -153,29 +168,20 @@ class Study:
         takes; values of a grid are a list or `{ start, stop, count }`.
 
         Raises:
-            ValueError: not TOML, an unknown entry, or wrong values.
+            ValueError: not TOML, an unknown entry, or wrong values; the message names the
+                file and the entry.
             OSError: the file cannot be read.
         """
-        try:
-            record = tomllib.loads(Path(path).read_text())
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path} is not a TOML file: {error}") from None
-        unknown = set(record) - {"grid", "cases", "fixed", "setup", "solver"}
-        if unknown:
-            raise ValueError(f"{path}: there is no entry {sorted(unknown)[0]!r} in a study")
-        solver = record.pop("solver", {})
-        unknown = set(solver) - {"rtol", "atol", "max_time", "max_steps", "times"}
-        if unknown:
-            raise ValueError(f"{path}: there is no entry {sorted(unknown)[0]!r} in [solver]")
-        if "grid" in record:
-            record["grid"] = {name: _span(name, v) for name, v in record["grid"].items()}
-        return cls(**record, **solver)
+        from ._documents import about
+        from ._study_file import Span, read_study_file
 
-
-def _span(name: str, value: Any) -> Any:
-    if not isinstance(value, dict):
-        return value
-    if set(value) != {"start", "stop", "count"}:
-        raise ValueError(f"{name} = {value} is not a list nor {{ start, stop, count }}")
-    check_integer(f"{name}: count", value["count"], 1, 10**7)
-    return np.linspace(value["start"], value["stop"], value["count"])
+        tables = read_study_file(path)
+        solver = tables.pop("solver", {})
+        grid = tables.get("grid", {})
+        with about(path):
+            check_number_of_cases({name: len(values) for name, values in grid.items()})
+            for name, values in grid.items():
+                if isinstance(values, Span):
+                    check_parameters({name: (values.start, values.stop)})
+                    grid[name] = values.values()
+            return cls(**tables, **solver)

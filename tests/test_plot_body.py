@@ -101,7 +101,7 @@ def test_both_maps_share_their_axes():
 @pytest.mark.parametrize(
     ("view", "rows", "signs", "labels"),
     [
-        ("top", (1, 0), (1, -1), ("forward, y (cm)", "left, −x (cm)")),  # noqa: RUF001
+        ("top", (1, 0), (1, 1), ("forward, y (cm)", "right, x (cm)")),
         ("side", (1, 2), (1, 1), ("forward, y (cm)", "up, z (cm)")),
         ("rear", (0, 2), (1, 1), ("right, x (cm)", "up, z (cm)")),
     ],
@@ -122,7 +122,8 @@ def test_body_is_drawn_where_the_model_has_it(view, rows, signs, labels):
     np.testing.assert_allclose(head.get_xydata()[0], look[:, 0] * position[list(rows), 0])
     assert (ax.get_xlabel(), ax.get_ylabel()) == labels
     assert ax.get_aspect() == 1.0
-    low, high = np.transpose([ax.get_xlim(), ax.get_ylim()])
+    assert ax.yaxis_inverted() == (view == "top")  # then right is to the right of forward
+    low, high = np.transpose([ax.get_xlim(), sorted(ax.get_ylim())])
     assert (drawn > low).all()
     assert (drawn < high).all()
 

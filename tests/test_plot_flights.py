@@ -6,6 +6,7 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from test_flights import dataset
 
 from jaxglide.cli import main
@@ -46,14 +47,34 @@ def test_all_paths_are_drawn_from_the_origin_and_those_that_turn_stand_out():
     straight, turned = (line for line in side_s.lines if len(line.get_xdata()) > 1)
     assert straight.get_color() != turned.get_color()
     assert side_m.lines[0].get_color() == side_m.lines[2].get_color()
-    assert side_m.get_ylabel() == "height (m)"
+    assert side_m.get_ylabel() == "height, z (m)"
     low, high = top_m.get_ylim()
     assert low > high  # seen from above
     assert side_m.get_ylim()[0] < side_m.get_ylim()[1]
-    assert top_m.get_xlabel() == "forward (m)"
-    assert top_m.get_ylabel() == "right (m)"
+    assert top_m.get_xlabel() == "forward, y (m)"
+    assert top_m.get_ylabel() == "right, x (m)"
     assert side_m.get_aspect() == top_s.get_aspect() == 1.0
     assert "4.52 m" in side_m.get_title()
+
+
+@pytest.mark.parametrize("sideways", [1.0, 8.0])
+def test_views_from_the_side_and_from_above_share_their_axis(sideways):
+    """To the pixel, at one scale, whatever the paths' shape."""
+    flown = paths_of(turn_back=True)
+    flown = flown.assign({n: flown[n] * [sideways, 1, 1] for n in ("position", "path", "end")})
+    figure = measured_and_simulated(flown)
+    FigureCanvasAgg(figure).draw()
+    boxes = [ax.get_window_extent() for ax in figure.axes]
+    side_m, side_s, top_m, top_s = boxes
+    for above, below in ((side_m, top_m), (side_s, top_s)):
+        np.testing.assert_allclose(above.intervalx, below.intervalx, atol=0.1)
+    scales = [
+        size / abs(float(np.ptp(limits)))
+        for ax, box in zip(figure.axes, boxes, strict=True)
+        for size, limits in ((box.width, ax.get_xlim()), (box.height, ax.get_ylim()))
+    ]
+    np.testing.assert_allclose(scales, scales[0], rtol=1e-3)
+    assert all(ax.get_xlim() == figure.axes[0].get_xlim() for ax in figure.axes)
 
 
 def test_distances_are_those_compared():

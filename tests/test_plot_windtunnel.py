@@ -587,3 +587,44 @@ def test_a_survey_can_be_drawn():
     figure = plot.moments_in_time(data, {"d_psi": 20.0, "nu_theta": 1.4})
     assert figure.get_suptitle() == r"$d_\psi$ = 20°, $\nu_\theta$ = 1.4"
     assert len(plot.moment_ratio(data).axes) == 3 * 2 + 1
+
+
+# Figure 5 b and c
+
+
+@pytest.mark.parametrize("quantity", ["path", "pitch"])
+@pytest.mark.parametrize("outcome", [Outcome.LANDED, Outcome.UNSTABLE_ROLL])
+def test_a_cross_is_drawn_where_a_glide_does_not_land_and_explained(quantity, outcome):
+    path, end = np.zeros((2, 3, 3)), [[0.0, 4.0, 0.0], [0.0, 2.0, 5.0]]
+    data = xr.Dataset(
+        {
+            "position": (("case", "sample", "axis"), path),
+            "angles": (("case", "sample", "turn"), path),
+            "landing_point": (("case", "axis"), end),
+            "end_angles": (("case", "turn"), end),
+            "time": ("case", [2.0, 1.5]),
+            "outcome": ("case", [0, int(outcome)]),
+        },
+        coords={
+            "axis": list("xyz"),
+            "turn": ["yaw", "pitch", "roll"],
+            "sample": [0.0, 0.5, 1.0],
+            **{name: ("case", [20.0, 20.0]) for name in ("psi_m", "nu_theta")},
+            "d_psi": ("case", [-10.0, 10.0]),
+        },
+    )
+    figure = plot.bending_grid(data, quantity)
+    crosses = [
+        line.get_xydata()[0]
+        for ax in figure.axes
+        for line in ax.lines
+        if line.get_marker() == "x"
+    ]
+    told = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert figure.axes[0].get_title() == "$d_\\psi$ = \N{MINUS SIGN}10°"
+    if outcome == Outcome.LANDED:
+        assert (crosses, told) == ([], [])
+        return
+    np.testing.assert_allclose(crosses, [end[1][1:] if quantity == "path" else [1.5, 2.0]])
+    assert told == ["does not land"]
+    assert figure.legends[0].legend_handles[0].get_marker() == "x"

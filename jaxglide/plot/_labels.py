@@ -1,8 +1,13 @@
 """What axes say: symbols of parameters, names of variables, units (floor 6)."""
 
+from functools import cache
+from typing import Any
+
 import xarray as xr
+from matplotlib.font_manager import FontProperties, findfont, get_font
 
 from ..parameters import PARAMETERS
+from ._style import FONT
 
 SYMBOLS = {
     "theta_m": r"$\theta_m$",
@@ -37,12 +42,43 @@ _ANGLES = {
     "max_angles": "largest {}",
     "launch_angles": "{} at launch",
 }
-_FORWARD = {"x": "right, x", "y": "forward, y", "z": "height, z"}
+AXES = {"x": "right, x", "y": "forward, y", "z": "height, z"}
+_LONGEST = 60  # characters of a text from outside
+
+
+@cache
+def _glyphs() -> frozenset[int]:
+    """Code points that the figures' font has."""
+    font: Any = get_font(findfont(FontProperties(family=FONT)))
+    return frozenset(font.get_charmap())
+
+
+def plain(text: object) -> str:
+    """Text from outside, such as a name in a file, for Matplotlib to draw as it stands.
+
+    Dollars are no mathematics in it and an underscore at its head does not hide it from a
+    legend. A character that the font lacks stands as its code point, such as U+1F40D; of
+    a text too long for a figure the beginning stands.
+    """
+    words = " ".join(str(text).split())
+    words = words if len(words) <= _LONGEST else words[: _LONGEST - 1] + "…"
+    drawn = "".join(c if ord(c) in _glyphs() else f"U+{ord(c):04X}" for c in words)
+    return (" " if drawn.startswith("_") else "") + drawn.replace("$", r"\$")
 
 
 def shown(unit: str) -> str:
     """A unit as people write it."""
-    return _UNITS.get(unit, unit)
+    return _UNITS.get(unit) or plain(unit)
+
+
+def degrees(value: float) -> str:
+    """An angle [deg] as people write it."""
+    return f"{value:g}°".replace("-", "\N{MINUS SIGN}")
+
+
+def axis_label(axis: str) -> str:
+    """Label of an axis of the inertial frame, x, y or z, in metres."""
+    return f"{AXES[axis]} (m)"
 
 
 def with_unit(name: str, unit: str) -> str:
@@ -54,6 +90,8 @@ def parameter_label(name: str) -> str:
     """Label of an axis over a parameter."""
     if name == "nu_theta":
         return rf"waves {SYMBOLS[name]} (per SVL)"
+    if name not in PARAMETERS:
+        return plain(name)
     return with_unit(SYMBOLS.get(name, name.replace("_", " ")), PARAMETERS[name].unit)
 
 
@@ -67,18 +105,19 @@ def label_of(values: xr.DataArray) -> str:
 
 def _said(values: xr.DataArray) -> str:
     name = str(values.name)
-    return _SHORT.get(name, str(values.attrs.get("long_name", name))).replace("_", " ")
+    words = _SHORT.get(name, str(values.attrs.get("long_name", name))).replace("_", " ")
+    return plain(words)
 
 
 def part_of(values: xr.DataArray, chosen: dict) -> str:
     """Label of `values` where a component, such as `axis` y or `turn` pitch, was chosen."""
     name, unit = str(values.name), str(values.attrs.get("units", ""))
     axis = str(chosen.get("axis", chosen.get("forward_up", "")))
-    if axis in _FORWARD and name in ("landing_point", "position"):
+    if axis in AXES and name in ("landing_point", "position"):
         where = " at the end" if name == "landing_point" else ""
-        return with_unit(_FORWARD[axis] + where, unit)
+        return with_unit(AXES[axis] + where, unit)
     if name in _ANGLES and "turn" in chosen:
-        return with_unit(_ANGLES[name].format(chosen["turn"]), unit)
+        return with_unit(_ANGLES[name].format(plain(chosen["turn"])), unit)
     if "about" in chosen:
-        return with_unit(f"{chosen['about']} {_said(values)}", unit)
-    return with_unit(f"{_said(values)}, {axis}", unit) if axis else label_of(values)
+        return with_unit(f"{plain(chosen['about'])} {_said(values)}", unit)
+    return with_unit(f"{_said(values)}, {plain(axis)}", unit) if axis else label_of(values)

@@ -17,9 +17,14 @@ PAGE_WIDTH = 180.0
 YAW, PITCH, ROLL = "#0072B2", "#D55E00", "#009E73"
 INK, BODY, HEAD, FAINT = "#222222", "#0072B2", "#D55E00", "#999999"
 
+FONT = "DejaVu Sans"
+"""Matplotlib's own: the same layout everywhere."""
+
 _SETTINGS: dict[Any, Any] = {
     "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],  # Matplotlib's own: the same layout everywhere
+    "font.sans-serif": [FONT],
+    "text.usetex": False,
+    "text.parse_math": True,
     "font.size": 7.0,
     "axes.titlesize": 7.5,
     "axes.labelsize": 7.0,

@@ -4,10 +4,13 @@ import numpy as np
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+from ..glide import Outcome
+from ._labels import axis_label, degrees
 from ._style import new_figure, style
 
-_LIMIT = 85.0  # deg
+_CROSS = {"ls": "", "marker": "x", "ms": 3, "mew": 0.8}
 
 
 def bending_grid(data: xr.Dataset, quantity: str = "path") -> Figure:
@@ -20,7 +23,7 @@ def bending_grid(data: xr.Dataset, quantity: str = "path") -> Figure:
             "pitch" for pitch against time.
 
     Returns:
-        The figure: one line a glide, coloured by nu_theta, a cross where it tumbled.
+        The figure: one line a glide, coloured by nu_theta, a cross where it did not land.
 
     Raises:
         ValueError: an unknown quantity, or a dataset without trajectories.
@@ -33,7 +36,7 @@ def bending_grid(data: xr.Dataset, quantity: str = "path") -> Figure:
     shades = colormaps["viridis"]
     low, high = float(data.nu_theta.min()), float(data.nu_theta.max())
     with style():
-        figure = new_figure(width=180.0, height=18 + 38 * len(rows))
+        figure = new_figure(width=180.0, height=22 + 38 * len(rows))
         figure.set_layout_engine("constrained")
         axes = figure.subplots(len(rows), len(columns), sharex=True, sharey=True, squeeze=False)
         for i, psi_m in enumerate(rows):
@@ -44,12 +47,12 @@ def bending_grid(data: xr.Dataset, quantity: str = "path") -> Figure:
                     place = (float(one.nu_theta) - low) / max(high - low, 1e-9)
                     _draw(ax, one, quantity, shades(0.9 * place))
                 if i == 0:
-                    ax.set_title(rf"$d_\psi$ = {d_psi:g}°")
+                    ax.set_title(rf"$d_\psi$ = {degrees(d_psi)}")
                 if j == 0:
-                    name = "height, z (m)" if quantity == "path" else "pitch (°)"
+                    name = axis_label("z") if quantity == "path" else "pitch (°)"
                     ax.set_ylabel(rf"$\psi_m$ = {psi_m:g}°" + f"\n{name}")
                 if i == len(rows) - 1:
-                    ax.set_xlabel("forward, y (m)" if quantity == "path" else "time (s)")
+                    ax.set_xlabel(axis_label("y") if quantity == "path" else "time, t (s)")
                 if quantity == "path":
                     ax.set_aspect("equal")
                 else:
@@ -61,6 +64,9 @@ def bending_grid(data: xr.Dataset, quantity: str = "path") -> Figure:
             label=r"$\nu_\theta$ (per SVL)",
         )
         bar.outline.set_visible(False)  # type: ignore[operator]
+        if (data.outcome != Outcome.LANDED).any():
+            cross = Line2D([], [], color="0.35", label="does not land", **_CROSS)
+            figure.legend(handles=[cross], loc="outside lower center", handletextpad=0.2)
     return figure
 
 
@@ -81,5 +87,5 @@ def _draw(ax, one: xr.Dataset, quantity: str, colour) -> None:
         end = one.time.item(), one.end_angles.sel(turn="pitch").item()
     flying = np.isfinite(x) & np.isfinite(y)
     ax.plot(np.append(x[flying], end[0]), np.append(y[flying], end[1]), color=colour, lw=0.8)
-    if one.outcome.item() != 0:
-        ax.plot(*end, marker="x", color=colour, ms=3, mew=0.8)
+    if one.outcome.item() != Outcome.LANDED:
+        ax.plot(*end, color=colour, **_CROSS)

@@ -17,6 +17,7 @@ from .._checks import check_choice, check_range
 from ..gait import Gait
 from ..kinematics import backbone
 from ..snake import Snake, discretise
+from ._labels import degrees
 from ._style import HEAD, INK, new_axes, new_figure, style, zero_line
 from .waves import bending_waves
 
@@ -34,7 +35,7 @@ class View(NamedTuple):
 
 
 _VIEWS = {
-    "top": View(np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]]), "forward, y", "left, -x"),
+    "top": View(np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1.0]]), "forward, y", "right, x"),
     "side": View(np.array([[0, 1, 0], [0, 0, 1], [1.0, 0, 0]]), "forward, y", "up, z"),
     "rear": View(np.array([[1, 0, 0], [0, 0, 1], [0, -1.0, 0]]), "right, x", "up, z"),
 }
@@ -109,7 +110,9 @@ def body_view(
     ax.margins(0.05)
     ax.autoscale_view()
     ax.set_xlabel(f"{across} (cm)")
-    ax.set_ylabel(f"{up} (cm)".replace("-", "\N{MINUS SIGN}"))
+    ax.set_ylabel(f"{up} (cm)")
+    if view == "top" and not ax.yaxis_inverted():
+        ax.invert_yaxis()  # seen from above, right is to the right of forward
     return ax
 
 
@@ -190,7 +193,7 @@ def bent_bodies(
             body_view(bent, snake, ax, view=view, phase=phase)
             zero_line(ax)
             ax.set(xlabel="", ylabel="")
-        said = rf"$d_\psi$ = {bend:g}°".replace("-", "\N{MINUS SIGN}")
+        said = rf"$d_\psi$ = {degrees(bend)}"
         side.text(1.0, 1.0, said, transform=side.transAxes, va="top", ha="right")
     _one_scale(list(axes.ravel()))
     axes[-1, 0].set_xlabel("forward, y (cm)")

@@ -15,6 +15,7 @@ from ..glide_polar import BodyPolar, Equilibrium
 from ..polar import ALPHA, REYNOLDS, Polar, extended_tables
 from ..snake import Snake, discretise
 from ..windtunnel import Fall
+from ._labels import plain
 from ._style import FAINT, INK, PAGE_WIDTH, PITCH, YAW, new_figure, style, zero_line
 
 _MEASURED = -10.0, 60.0  # angles of attack of the measurements [deg]
@@ -59,7 +60,7 @@ def force_coefficients(
                 ax = axes[row, column]
                 ax.plot(alpha, values, color=shade, lw=0.9, label=f"{number:g}")
         _measurements(axes[:, column], numbers, shades)
-        axes[0, column].set_title(f"{name} polar")
+        axes[0, column].set_title(f"{plain(name)} polar")
         axes[2, column].set_xlabel("angle of attack (°)")
     for row, label in enumerate(("lift, $C_L$", "drag, $C_D$", "lift to drag, $C_L/C_D$")):
         axes[row, 0].set_ylabel(label)

@@ -9,6 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..dynamics import ANGLES, POSITION
 from ..glide import ANGLE_LIMIT, Glide, Outcome, reconstruct
+from ._labels import axis_label, plain
 from ._style import FAINT, INK, PITCH, new_figure, style
 from .glide import _LANDED, _LAUNCH, _STOPPED, _check_drawable, _end_mark, _path
 
@@ -36,7 +37,7 @@ def before_and_after(
     Raises:
         ValueError: a glide kept no trajectory, is a batch or is not finite.
     """
-    glides = before, after
+    glides, names = (before, after), (plain(names[0]), plain(names[1]))
     for glide in glides:
         _check_drawable(glide)
     figure = new_figure(width=_PAGE, height=100.0)
@@ -56,8 +57,8 @@ def before_and_after(
         _draw_body(ax, glide, own[_FRAMES:], colour, name)
     side.axhline(0.0, color=FAINT, lw=0.6, zorder=1)
     side.set_aspect("equal")
-    side.set_xlabel("forward, y (m)")
-    side.set_ylabel("height, z (m)")
+    side.set_xlabel(axis_label("y"))
+    side.set_ylabel(axis_label("z"))
     for ax, name in zip(turns, ("yaw", "pitch", "roll"), strict=True):
         _bound(ax)
         ax.set_ylabel(f"{name} (°)")
@@ -153,5 +154,6 @@ def _draw_body(ax: Axes, glide: Glide, body: np.ndarray, colour, name: str) -> N
         r"f": f"{float(gait.f_theta):.2f} Hz",
     }
     parts = [f"${symbol}$ {value}" for symbol, value in said.items()]
-    text = f"{name}\n" + "  ".join(parts[:3]) + "\n" + "  ".join(parts[3:])
-    ax.set_title(text.replace("-", "\N{MINUS SIGN}"), fontsize=6.5, color=INK)
+    text = "  ".join(parts[:3]) + "\n" + "  ".join(parts[3:])
+    said = text.replace("-", "\N{MINUS SIGN}")
+    ax.set_title(f"{name}\n{said}", fontsize=6.5, color=INK)

@@ -7,10 +7,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..comparison import compare_paths
-from ._style import BODY, FAINT, HEAD, INK, PAGE_WIDTH, new_axes, new_figure, style
+from ._labels import axis_label, plain
+from ._style import BODY, FAINT, HEAD, INK, PAGE_WIDTH, new_axes, new_figure, place, style
 
 _MEASURED, _SIMULATED = INK, BODY
-_LABELS = {"y": "forward (m)", "z": "height (m)", "x": "right (m)"}
+# Margins and the gaps between the views of figure 3, and its views' greatest height [mm].
+_LEFT, _BETWEEN, _RIGHT, _BELOW, _GAP, _ABOVE, _TALLEST = 13.0, 8.0, 3.0, 17.0, 6.0, 7.0, 140.0
 
 
 def _path(flown: xr.Dataset, row: int, name: str) -> np.ndarray:
@@ -31,8 +33,26 @@ def _draw_all(ax: Axes, flown: xr.Dataset, name: str, up: str, turned: np.ndarra
         ax.plot(path[:, 1], path[:, k], color=colour, lw=0.7, zorder=3 if back else 2)
         ax.plot(*path[-1, [1, k]], ".", color=colour, ms=2.5, zorder=4)
     ax.set_aspect("equal")
-    ax.set_xlabel(_LABELS["y"])
-    ax.set_ylabel(_LABELS[up])
+    ax.set_xlabel(axis_label("y"))
+    ax.set_ylabel(axis_label(up))
+
+
+def _lay_out(figure: Figure, axes: np.ndarray) -> None:
+    """All views at one scale, those from above exactly below those from the side."""
+    width = (PAGE_WIDTH - _LEFT - _BETWEEN - _RIGHT) / 2
+    low, high = axes[0, 0].get_xlim()
+    tall = [abs(float(np.ptp(ax.get_ylim()))) for ax in axes[:, 0]]  # metres
+    scale = min(width / (high - low), _TALLEST / sum(tall))  # mm/m
+    spare = (width / scale - (high - low)) / 2
+    axes[0, 0].set_xlim(low - spare, high + spare)
+    height = _BELOW + scale * sum(tall) + _GAP + _ABOVE
+    figure.set_size_inches(PAGE_WIDTH / 25.4, height / 25.4)
+    bottoms = (_BELOW + scale * tall[1] + _GAP, _BELOW)
+    for row, (bottom, metres) in enumerate(zip(bottoms, tall, strict=True)):
+        for column, ax in enumerate(axes[row]):
+            left = _LEFT + column * (width + _BETWEEN)
+            place(figure, ax, left, bottom, width, scale * metres)
+    figure.align_ylabels(axes)
 
 
 @style()
@@ -47,10 +67,8 @@ def measured_and_simulated(flown: xr.Dataset) -> Figure:
         farthest forward point, which did not shallow, are orange.
     """
     compared = compare_paths(flown)
-    figure = new_figure(width=PAGE_WIDTH, height=150.0)
-    figure.set_layout_engine("constrained")
-    # one scale for both views: no path is lost, and slopes can be compared
-    axes = figure.subplots(2, 2, sharex=True, sharey="row", height_ratios=(2.1, 1))
+    figure = new_figure(width=PAGE_WIDTH)
+    axes = figure.subplots(2, 2, sharex=True, sharey="row")
     for column, (name, told) in enumerate((("position", "measured"), ("path", "simulated"))):
         turned = compared[f"turned_{told}"].values
         for row, up in enumerate("zx"):
@@ -64,7 +82,9 @@ def measured_and_simulated(flown: xr.Dataset) -> Figure:
         ax.set_xlabel("")
     shown = {"measured": _MEASURED, "simulated": _SIMULATED, "did not shallow": HEAD}
     handles = [Line2D([], [], color=colour, label=name) for name, colour in shown.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    figure.legend(handles=handles, loc="lower center", ncols=3)
+    # one scale for both views: no path is lost, and slopes can be compared
+    _lay_out(figure, axes)
     return figure
 
 
@@ -119,12 +139,12 @@ def every_flight(flown: xr.Dataset) -> Figure:
         for name, colour in (("position", _MEASURED), ("path", _SIMULATED)):
             path = _path(flown, row, name)
             ax.plot(path[:, 1], path[:, 2], color=colour, lw=0.9)
-        trial, snake = flown["trial"].values[row], flown["snake"].values[row]
+        trial, snake = (plain(flown[name].values[row]) for name in ("trial", "snake"))
         ax.set_title(f"{trial} (snake {snake})", fontsize=6.0, pad=2.0)
     for ax in axes[-1]:
-        ax.set_xlabel(_LABELS["y"])
+        ax.set_xlabel(axis_label("y"))
     for ax in axes[:, 0]:
-        ax.set_ylabel(_LABELS["z"])
+        ax.set_ylabel(axis_label("z"))
     shown = {"measured": _MEASURED, "simulated": _SIMULATED}
     handles = [Line2D([], [], color=colour, label=name) for name, colour in shown.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)

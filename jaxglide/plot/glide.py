@@ -13,6 +13,7 @@ from matplotlib.ticker import MultipleLocator
 from .._checks import check_integer, check_range
 from ..dynamics import ANGLES, POSITION
 from ..glide import ANGLE_LIMIT, Glide, Outcome, reconstruct
+from ._labels import axis_label
 from ._style import (
     BODY,
     COLUMN_WIDTH,
@@ -139,8 +140,8 @@ def side_view(glide: Glide, ax: Axes | None = None, *, frames: Frames = 9) -> Ax
     _view(glide, ax, frames, across=1, up=2, ground=True)
     ax.axhspan(ax.get_ylim()[0], 0.0, color="0.9", lw=0, zorder=0, label="ground")
     ax.axhline(0.0, color=FAINT, lw=0.6, zorder=1)
-    ax.set_xlabel("forward, y (m)")
-    ax.set_ylabel("height, z (m)")
+    ax.set_xlabel(axis_label("y"))
+    ax.set_ylabel(axis_label("z"))
     return ax
 
 
@@ -162,8 +163,8 @@ def top_view(glide: Glide, ax: Axes | None = None, *, frames: Frames = 9) -> Axe
     _check_drawable(glide)
     ax = new_axes(height=130.0) if ax is None else ax
     _view(glide, ax, frames, across=0, up=1, ground=False)
-    ax.set_xlabel("right, x (m)")
-    ax.set_ylabel("forward, y (m)")
+    ax.set_xlabel(axis_label("x"))
+    ax.set_ylabel(axis_label("y"))
     return ax
 
 

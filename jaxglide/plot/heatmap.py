@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from ..glide import Outcome
-from ._labels import label_of, part_of
+from ._labels import label_of, part_of, plain
 from ._style import INK, YAW, new_axes, style, zero_line
 from .shapes import _MARK, _UNSTABLE, _edges
 
@@ -173,11 +173,12 @@ def heatmap(
 
 
 def _axis(values: xr.DataArray, name: str) -> str:
-    return label_of(values[name]) if name in values.coords else name
+    return label_of(values[name]) if name in values.coords else plain(name)
 
 
 def _meanings(values: xr.DataArray) -> list[str]:
-    return [word.replace("_", " ") for word in str(values.attrs["flag_meanings"]).split()]
+    words = str(values.attrs["flag_meanings"]).split()
+    return [plain(word.replace("_", " ")) for word in words]
 
 
 def _look(values: xr.DataArray, shown: np.ndarray) -> tuple[dict, dict]:
@@ -240,7 +241,7 @@ def curve(
         shown = np.where(ends[_NOT_COMPUTED][order], np.nan, shown)
     ax = new_axes(height=55.0) if ax is None else ax
     dots = {"marker": "o", "ms": 2.2, "mew": 0.0} if across.size < 60 else {}
-    ax.plot(across, shown, color=YAW, label=variable, **dots)
+    ax.plot(across, shown, color=YAW, label=plain(variable), **dots)
     for (name, mask), marker in zip(ends.items(), "ox", strict=False):
         if mask.any():
             chosen = mask[order]

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from scipy.stats import linregress
 
 from ..measured import MeasuredFlight
+from ._labels import plain
 from ._style import FAINT, INK, PAGE_WIDTH, PITCH, YAW, new_figure, style, zero_line
 
 _WAVES = {
@@ -91,7 +92,7 @@ def measured_bending(flight: MeasuredFlight) -> Figure:
         for ax, draw in zip(row, (_map, _first_mode, _activity), strict=True):
             draw(ax, flight, wave)
     figure.suptitle(
-        f"trial {flight.trial}, snake {flight.snake}: "
+        f"trial {plain(flight.trial)}, snake {plain(flight.snake)}: "
         rf"$\nu_\theta$ {flight.nu_theta:.2f}, $f_\theta$ {flight.f_theta:.2f} Hz, "
         rf"$\theta_m$ {np.rad2deg(flight.theta_m):.0f}°, "
         rf"$\psi_m$ {np.rad2deg(flight.psi_m):.0f}°, "
@@ -135,7 +136,7 @@ def _scatter(ax: Axes, data: xr.Dataset, x, y, snakes: Mapping[str, tuple]) -> N
         spread = {"xerr": a.std(), "yerr": b.std(), "ecolor": colour, "elinewidth": 0.7}
         ax.errorbar(a.mean(), b.mean(), fmt="none", zorder=3, **spread)
         look = {"color": [colour], "edgecolors": "white", "linewidths": 0.4, "zorder": 4}
-        ax.scatter(a.mean(), b.mean(), s=area, label=snake, **look)
+        ax.scatter(a.mean(), b.mean(), s=area, label=plain(snake), **look)
 
 
 def _against_nu(ax: Axes, data: xr.Dataset, name: str, label: str, snakes) -> None:
@@ -183,8 +184,8 @@ def measured_gaits(data: xr.Dataset) -> Figure:
     zero_line(axes[1, 1])
     for ax, letter in zip(axes.flat, "efgh", strict=True):
         ax.set_title(letter, loc="left", fontweight="bold")
-    handles, labels = ratios.get_legend_handles_labels()
+    handles, _ = ratios.get_legend_handles_labels()
     masses = data.mass.groupby(data.snake).mean()
-    told = [f"{name} ({1000 * float(masses.sel(snake=name)):.0f} g)" for name in labels]
+    told = [f"{plain(name)} ({1000 * float(masses.sel(snake=name)):.0f} g)" for name in snakes]
     figure.legend(handles, told, loc="outside right upper", title="snake", labelspacing=0.9)
     return figure

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from .._ascent import FEASIBLE
 from ..glide import Outcome
 from ..parameters import PARAMETERS
-from ._labels import SYMBOLS, parameter_label
+from ._labels import SYMBOLS, parameter_label, plain, with_unit
 from ._style import FAINT, HEAD, INK, PITCH, YAW, new_figure, style
 from .shapes import _MAP, _MARK, _check, _edges, _sorted
 
@@ -95,9 +95,8 @@ def convergence(history: xr.Dataset, *, glides_per_gradient: float | None = None
 
 
 def _quantity(about: dict) -> str:
-    name = str(about.get("long_name", "value")).replace("_", " ")
-    unit = about.get("units", "")
-    return f"{name} ({unit})" if unit else name
+    name = plain(str(about.get("long_name", "value")).replace("_", " "))
+    return with_unit(name, str(about.get("units", "")))
 
 
 def _most(values: np.ndarray) -> tuple[float, float]:
@@ -108,8 +107,7 @@ def _most(values: np.ndarray) -> tuple[float, float]:
 
 
 def _name_end(ax: Axes, x: float, y: float, about: dict) -> None:
-    unit = about.get("units", "")
-    text = f"{y:.4g} {unit}".strip()
+    text = f"{y:.4g} {plain(about.get('units', ''))}".strip()
     ax.annotate(text, (x, y), (-2, 3), textcoords="offset points", ha="right", fontsize=6.5)
 
 

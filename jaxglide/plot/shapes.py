@@ -9,6 +9,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from ..glide import Outcome
+from ._labels import plain
 from ._style import COLUMN_WIDTH, INK, new_figure, place, style
 
 _COLUMNS = {"height_lost": "height lost (m)", "path_length": "path length (m)"}
@@ -97,14 +98,14 @@ def region_outlines(
         inner = _outline(mask, _edges(nu), _edges(theta), outermost=False)
         whole = _outline(mask, _edges(nu), _edges(theta))
         halo = LineCollection(inner, colors="white", linewidths=1.8, zorder=3)
-        line = LineCollection(whole, colors=INK, linewidths=0.8, zorder=3.1, label=str(name))
+        line = LineCollection(whole, colors=INK, linewidths=0.8, zorder=3.1, label=plain(name))
         for lines in (halo, line):
             lines.set_capstyle("projecting")  # closes the corners
             ax.add_collection(lines, autolim=False)
         if labels:
             row, column = _roomiest(mask & free if (mask & free).any() else mask)
             x = np.interp(column, np.arange(nu.size), nu)
-            ax.text(x, theta[row], str(name), zorder=5, **_NAME)
+            ax.text(x, theta[row], plain(name), zorder=5, **_NAME)
     return ax
 
 

@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from .._checks import check_integer
 from ..glide import Outcome
 from ..survey import ABOUT
+from ._labels import degrees
 from ._style import (
     INK,
     PAGE_WIDTH,
@@ -110,11 +111,7 @@ def _bend_key(cases: xr.Dataset) -> list[Line2D]:
 
 
 def _bend_name(bend: float) -> str:
-    return rf"$d_\psi$ = {_degrees(bend)}"
-
-
-def _degrees(value: float) -> str:
-    return f"{value:g}°".replace("-", "\N{MINUS SIGN}")
+    return rf"$d_\psi$ = {degrees(bend)}"
 
 
 def _size(nu: np.ndarray, cases: xr.Dataset) -> np.ndarray:
@@ -164,7 +161,7 @@ def landing_against_moment(
     colour, size = _bend_colour(cases), _size(cases["nu_theta"].values, cases)
     for bend, at in _groups(cases["d_psi"]):
         shade = colour(bend)
-        ax.plot(pitch[at], forward[at], color=shade, lw=0.5, alpha=0.6, label=_degrees(bend))
+        ax.plot(pitch[at], forward[at], color=shade, lw=0.5, alpha=0.6, label=degrees(bend))
         for mark, which in (("o", landed[at]), ("X", ~landed[at])):
             chosen = at[which]
             points = {"c": [shade], "marker": mark, "lw": 0, "zorder": 3}
@@ -219,7 +216,7 @@ def moment_by_shape(
     colour, nu = _bend_colour(cases), cases["nu_theta"].values
     for bend, at in _groups(cases["d_psi"]):
         shade = {"color": colour(bend), "marker": "o", "ms": 2.6, "mew": 0.0}
-        ax.plot(nu[at], pitch[at], label=_degrees(bend), **shade)
+        ax.plot(nu[at], pitch[at], label=degrees(bend), **shade)
     ax.set_xlabel(_NU)
     ax.set_ylabel(_PITCH_MOMENT)
     if key:  # the uppermost line first

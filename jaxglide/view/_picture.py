@@ -13,6 +13,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from ..plot import style
+from ..plot._labels import plain
 from ._loft import HEAD_OUTLINE, OUTLINE
 from .scene import COLOURS, Scene
 
@@ -42,7 +43,7 @@ class Picture:
         self.figure = Figure(figsize=(9.6, 5.4), dpi=100, facecolor="white")
         place = (0.0, 0.0, 0.66, 1.0)
         self.space = cast(Axes3D, self.figure.add_axes(place, projection="3d"))
-        self.figure.text(0.015, 0.955, title, fontsize=13, weight="bold", va="center")
+        self.figure.text(0.015, 0.955, plain(title), fontsize=13, weight="bold", va="center")
         self.clock = self.figure.text(0.645, 0.955, "", fontsize=13, va="center", ha="right")
         self._prepare_space()
         self.cursors, self.dots = [], []
@@ -87,7 +88,7 @@ class Picture:
         keys.append(Line2D([], [], ls="", label=f"{length} of sheet = 1 N/m"))
         if len(self.scenes) > 1:
             keys += [
-                Line2D([], [], color=colour, lw=2, label=scene.label)
+                Line2D([], [], color=colour, lw=2, label=plain(scene.label))
                 for scene, colour in zip(self.scenes, COLOURS, strict=False)
             ]
         place = {"loc": "lower left", "bbox_to_anchor": (0.005, 0.01)}

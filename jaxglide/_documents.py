@@ -34,8 +34,12 @@ _UNKNOWN = re.compile(r"Object contains unknown field `(?P<name>.*)`")
 _MISSING = re.compile(r"Object missing required field `(?P<name>.*)`")
 
 
-def read_text(path: str | Path) -> str:
+def read_text(path: str | Path, errors: str = "strict") -> str:
     """A text file in UTF-8, its size bounded before it is read.
+
+    Args:
+        path: the file.
+        errors: what becomes of bytes that are not UTF-8, as in `bytes.decode`.
 
     Raises:
         ValueError: larger than `LARGEST`, or not UTF-8.
@@ -44,9 +48,9 @@ def read_text(path: str | Path) -> str:
     with Path(path).open("rb") as file:
         data = file.read(LARGEST + 1)
     if len(data) > LARGEST:
-        raise ValueError(f"{path} is larger than {LARGEST >> 20} MiB, which is not allowed")
+        raise ValueError(f"{path}: larger than {LARGEST >> 20} MiB, which is not allowed")
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-8-sig", errors)
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise ValueError(
@@ -65,9 +69,9 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise ValueError(f"{path} is not a TOML file: it is nested too deeply") from None
+        raise ValueError(f"{path}: not a TOML file: it is nested too deeply") from None
     except ValueError as error:
-        raise ValueError(f"{path} is not a TOML file: {error}") from None
+        raise ValueError(f"{path}: not a TOML file: {error}") from None
 
 
 def fitted(

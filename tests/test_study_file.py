@@ -40,8 +40,8 @@ WRONG = {
     "[grid]\nnu_theta=[1]\n[solver]\nmax_steps=1.5": r"solver.max_steps = 1.5 is not a whole",
     "[grid]\nnu_theta=[1]\n[solver]\nmax_steps=0": r"max_steps = 0 is not allowed",
     "[grid]\nnu_theta=[1]\n[setup]\npolar='x'": "polar = 'x' is not one of published, smooth",
-    "a=" + "[" * 99999: "is not a TOML file: it is nested too deeply",
-    "a=": "is not a TOML file",
+    "a=" + "[" * 99999: "not a TOML file: it is nested too deeply",
+    "a=": "not a TOML file",
     "# \xe9": "line 1: byte 0xe9 is not UTF-8 text",
 }
 

@@ -1,31 +1,52 @@
 """Reading columns of numbers from text files, with errors that name file and column."""
 
 import csv
+import io
+from collections import Counter
 from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
+from .._documents import read_text
 from .recording import RecordingError
 
 Rows = list[dict[str, str]]
+_NOTHING = ("", "NA", "NaN", "nan")
+
+
+def text_of(source: Path) -> str:
+    """A text file, of bounded size; bytes that are no text stay in their cells.
+
+    Raises:
+        RecordingError: it is too large.
+        OSError: it cannot be read.
+    """
+    try:
+        return read_text(source, errors="surrogateescape")
+    except ValueError as error:
+        raise RecordingError(str(error)) from None
 
 
 def read_rows(source: Path, delimiter: str = ",", skip: int = 0) -> Rows:
     """Rows of a text file, after `skip` lines and a header.
 
     Raises:
-        RecordingError: the file is not text, has no row, or has one of another length.
+        RecordingError: the file has no row, one of another length, or two columns of a name.
+        OSError: it cannot be read.
     """
+    lines = io.StringIO(text_of(source), newline="")
+    reader = csv.DictReader(islice(lines, skip, None), delimiter=delimiter)
     try:
-        with source.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(islice(file, skip, None), delimiter=delimiter)
-            rows = list(reader)
-    except (UnicodeDecodeError, csv.Error) as error:
+        rows = list(reader)
+    except csv.Error as error:
         raise RecordingError(f"{source}: not a text file of columns ({error})") from None
     if not rows:
         raise RecordingError(f"{source}: no rows below the header")
+    for name, count in Counter(reader.fieldnames).items():
+        if count > 1 and name:
+            raise RecordingError(f"{source}: column {name!r} is there {count} times")
     for line, row in enumerate(rows, skip + 2):
         row.pop("", None)  # a tab at the end of the header
         if None in row or None in row.values():
@@ -37,11 +58,23 @@ def texts(rows: Rows, column: str, source: Path) -> list[str]:
     """A column as it stands.
 
     Raises:
-        RecordingError: it is missing.
+        RecordingError: it is missing, or holds bytes that are no text.
     """
     if column not in rows[0]:
         raise RecordingError(f"{source}: column {column!r} is missing")
-    return [row[column].strip() for row in rows]
+    cells = [row[column].strip() for row in rows]
+    for row, cell in enumerate(cells):
+        if not cell.isascii() and not _is_text(cell):
+            raw = cell.encode(errors="surrogateescape")
+            raise RecordingError(
+                f"{source}: {str(raw)[1:]} in column {column!r}, row {row + 1} below the "
+                "header, is not UTF-8 text"
+            )
+    return cells
+
+
+def _is_text(cell: str) -> bool:
+    return not any("\ud800" <= letter <= "\udfff" for letter in cell)
 
 
 def numbers(rows: Rows, columns: Sequence[str], source: Path, scale: float = 1) -> np.ndarray:
@@ -53,24 +86,46 @@ def numbers(rows: Rows, columns: Sequence[str], source: Path, scale: float = 1) 
     table = np.empty((len(rows), len(columns)))
     for index, column in enumerate(columns):
         for row, text in enumerate(texts(rows, column, source)):
-            try:
-                table[row, index] = np.nan if text in ("", "NA", "NaN", "nan") else float(text)
-            except ValueError:
-                raise RecordingError(
-                    f"{source}: {text!r} in column {column!r} is not a number"
-                ) from None
+            table[row, index] = np.nan if text in _NOTHING else _number(text)
+        wrong = np.flatnonzero(np.isinf(table[:, index]))
+        if wrong.size:
+            text = rows[wrong[0]][column]
+            raise RecordingError(
+                f"{source}: {text!r} in column {column!r}, row {wrong[0] + 1} below the "
+                "header, is not a finite number; nothing or NA stands where there is none"
+            )
     return table * scale
 
 
-def check_clock(times: np.ndarray, rate: float, source: Path, column: str) -> None:
+def _number(text: str) -> float:
+    """A number; infinity where the text is none, or means infinity."""
+    try:
+        value = float("inf" if "_" in text else text)
+    except ValueError:
+        return np.inf
+    return value if np.isfinite(value) else np.inf
+
+
+def rounding(rows: Rows, column: str, source: Path) -> float:
+    """The last digit kept anywhere in a column of numbers, 0.001 for thousandths."""
+    cells = texts(rows, column, source)
+    if any("e" in cell.lower() for cell in cells):
+        return 0.0
+    return 10.0 ** -max(len(cell.partition(".")[2]) for cell in cells)
+
+
+def check_clock(rows: Rows, rate: float, source: Path, column: str) -> None:
     """Compare a column of times [s] with the rate [Hz].
 
     Raises:
-        RecordingError: a frame is off by more than a tenth of a step.
+        RecordingError: a frame is off by more than a tenth of a step and the times' own
+            rounding, or by half a step.
     """
+    times = numbers(rows, (column,), source)[:, 0]
     drift = np.abs(times - times[0] - np.arange(len(times)) / rate) * rate
-    if not (drift < 0.1).all():
-        frame = int(np.argmax(~(drift < 0.1)))
+    allowed = min(0.1 + 1.5 * rate * rounding(rows, column, source), 0.5)
+    if not (drift < allowed).all():
+        frame = int(np.argmax(~(drift < allowed))) + 1
         raise RecordingError(
             f"{source}: column {column!r} is not in equal steps of 1/{rate:g} s "
             f"(first at frame {frame} of the file)"

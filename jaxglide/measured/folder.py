@@ -1,5 +1,6 @@
 """The recordings of a folder, in either form."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -48,9 +49,12 @@ def measure_folder(
         progress: show a bar, if on a terminal.
 
     Raises:
-        RecordingError: a recording cannot be used.
+        RecordingError: a recording cannot be used, or is named twice.
         OSError: a file cannot be read.
     """
-    trials = find_trials(folder) if trials is None else trials
+    trials = find_trials(folder) if trials is None else list(trials)
+    for trial, count in Counter(trials).items():
+        if count > 1:
+            raise RecordingError(f"the recording {trial!r} is named {count} times")
     bar = tqdm(trials, unit="flight", disable=None if progress else True)
     return [measure(read_recording(folder, trial)) for trial in bar]

@@ -5,8 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
+from .plausible import problem
+
 MINIMUM_MARKERS = 5
 MINIMUM_FRAMES = 30
+LENGTHS = (0.1, 1.5)
+"""Shortest and longest snout-vent length [m]."""
+STOUTNESS = (0.03, 10.0)
+"""Lowest and highest mass over the cube of SVL [kg/m^3]; the study's snakes: 0.10 to 0.35."""
 
 
 class RecordingError(ValueError):
@@ -53,10 +59,11 @@ class Recording:
         columns: names of the columns in the file, three a marker.
         body: the body.
         source: the file.
+        unit, scale: unit of length of the columns, for messages, and its size [m].
 
     Raises:
         RecordingError: wrong number of markers, a marker never seen, too few frames,
-            lengths that cannot be in the stated unit.
+            lengths that cannot be in the stated unit, places that no flight has.
     """
 
     trial: str
@@ -65,6 +72,8 @@ class Recording:
     columns: list[str]
     body: Body
     source: Path
+    unit: str = "m"
+    scale: float = 1.0
 
     def __post_init__(self):
         _check_body(self.body)
@@ -93,6 +102,18 @@ def _check_body(body: Body) -> None:
             f"{body.source}: a snout-vent length of {body.svl:.4g} m, where the animal's is "
             f"{body.svl_mean:.4g} m: check their units"
         )
+    if not LENGTHS[0] <= body.svl_mean <= LENGTHS[1]:
+        raise RecordingError(
+            f"{body.source}: svl = {body.svl_mean:g} m is not allowed: it must be in "
+            f"[{LENGTHS[0]:g}, {LENGTHS[1]:g}] m; check its unit"
+        )
+    stout = body.mass / body.svl_mean**3
+    if not STOUTNESS[0] < stout < STOUTNESS[1]:
+        low, high = (bound * body.svl_mean**3 for bound in STOUTNESS)
+        raise RecordingError(
+            f"{body.source}: mass = {body.mass:g} kg does not go with svl = "
+            f"{body.svl_mean:g} m, where {low:.2g} to {high:.2g} kg may be: check their units"
+        )
     along, weight = body.density.T
     if not (0 <= along[0] < 0.1 and 1 <= along[-1] < 3 and (np.diff(along) > 0).all()):
         raise RecordingError(
@@ -112,11 +133,15 @@ def _check_markers(recording: Recording) -> None:
     if count < MINIMUM_MARKERS:
         raise RecordingError(f"{source}: {count} markers, fewer than {MINIMUM_MARKERS}")
     if not 70 < recording.rate < 1e5:
-        raise RecordingError(f"{source}: {recording.rate} frames a second; more than 70 needed")
+        raise RecordingError(
+            f"{source}: {recording.rate:g} frames a second, where 70 to 1e5 are needed: "
+            "check the unit of the times"
+        )
     never = np.flatnonzero(~np.isfinite(markers).any(axis=0).ravel())
     if never.size:
         raise RecordingError(f"{source}: column {recording.columns[never[0]]!r} has no value")
-    chords = np.linalg.norm(np.diff(markers, axis=1), axis=-1)
+    with np.errstate(over="ignore"):
+        chords = np.linalg.norm(np.diff(markers, axis=1), axis=-1)
     pairs = np.isfinite(chords).any(axis=0)
     ratio = np.nanmedian(chords[:, pairs], axis=0).sum() / body.tape[pairs].sum()
     if pairs.any() and not 0.3 < ratio < 1.5:
@@ -125,6 +150,8 @@ def _check_markers(recording: Recording) -> None:
             f"markers {ratio:.3g} times as far apart as {body.source} ({body.column!r}): "
             "check the unit of both"
         )
+    if found := problem(recording):
+        raise RecordingError(f"{source}: {found}")
 
 
 def whole_interval(recording: Recording) -> slice:

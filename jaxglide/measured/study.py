@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .columns import check_clock, numbers, read_rows, texts
-from .recording import Body, Recording, RecordingError
+from .columns import check_clock, numbers, read_rows, text_of, texts
+from .recording import LENGTHS, Body, Recording, RecordingError
 
 MM = GRAM = 1e-3
 _SETTINGS = 10
@@ -26,20 +26,26 @@ _ALONG, _DENSITY = "arc length (SVL)", "density (rho/rho_bar)"
 
 def study_files(folder: Path) -> dict[str, Path]:
     """Files of the recordings in a study folder, by trial, `{trial}_{snake}.tsv`."""
-    files = sorted(folder.glob("mocap/*_*.tsv"))
-    return {path.stem.split("_")[0]: path for path in files}
+    return {trial: files[0] for trial, files in _recordings(folder).items()}
+
+
+def _recordings(folder: Path) -> dict[str, list[Path]]:
+    """The same, with every file of a trial."""
+    found: dict[str, list[Path]] = {}
+    for path in sorted(folder.glob("mocap/*_*.tsv")):
+        found.setdefault(path.stem.split("_")[0], []).append(path)
+    return found
 
 
 def _setting(source: Path, name: str) -> float:
     """One of the settings above a recording's header."""
-    with source.open(encoding="utf-8-sig") as file:
-        for _, line in zip(range(_SETTINGS), file, strict=False):
-            words = line.strip().split("\t")
-            if words[0] == name and words[1:]:
-                try:
-                    return float(words[1])
-                except ValueError:
-                    break
+    for line in text_of(source).splitlines()[:_SETTINGS]:
+        words = line.strip().split("\t")
+        if words[0] == name and words[1:]:
+            try:
+                return float(words[1])
+            except ValueError:
+                break
     raise RecordingError(f"{source}: no number {name} in the first {_SETTINGS} lines")
 
 
@@ -58,6 +64,12 @@ def _master(folder: Path, trial: str, snake: str) -> tuple[float, float]:
         raise RecordingError(
             f"{source}: {mass:g} in column 'Mass (g)' does not go with {svl:g} in 'SVL (mm)': "
             "check their units"
+        )
+    low, high = (bound / MM for bound in LENGTHS)
+    if not low <= svl <= high:
+        raise RecordingError(
+            f"{source}: {svl:g} in column 'SVL (mm)' is not allowed: it must be in [{low:g}, "
+            f"{high:g}] mm"
         )
     return mass * GRAM, svl * MM
 
@@ -96,15 +108,18 @@ def read_study(folder: Path, trial: str) -> Recording:
         OSError: a file cannot be read.
     """
     folder, trial = Path(folder), str(trial)
-    files = study_files(folder)
-    if trial not in files:
+    files = _recordings(folder).get(trial, [])
+    if not files:
         raise RecordingError(f"{folder}: no recording mocap/{trial}_SNAKE.tsv")
-    source = files[trial]
+    if len(files) > 1:
+        said = " and ".join(path.name for path in files)
+        raise RecordingError(f"{folder}: {said} are of one trial: keep one of them in mocap")
+    source = files[0]
     body = _body(folder, trial, source.stem.split("_")[1])
     rate = _setting(source, "FREQUENCY")
     rows = read_rows(source, "\t", _SETTINGS)
     count = sum(name.strip().endswith(" X") for name in rows[0])
     columns = [f"{marker:02d} {axis}" for marker in range(1, count + 1) for axis in "XYZ"]
     markers = numbers(rows, columns, source, MM).reshape(len(rows), -1, 3)
-    check_clock(numbers(rows, ("Time",), source)[:, 0], rate, source, "Time")
-    return Recording(trial, rate, markers, columns, body, source)
+    check_clock(rows, rate, source, "Time")
+    return Recording(trial, rate, markers, columns, body, source, "mm", MM)

@@ -18,17 +18,23 @@ NAME.toml beside it, or body.toml for all recordings of the folder:
 Without `density` the body is taken as uniform.
 """
 
-import tomllib
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 
+from .._documents import fitted, read_toml
 from .columns import check_clock, numbers, read_rows
 from .recording import Body, Recording, RecordingError
 
-_NEEDED = ("snake", "mass", "svl", "tape", "vent")
-_UNIFORM = ((0.0, 1.0), (2.0, 1.0))
+_UNIFORM = [(0.0, 1.0), (2.0, 1.0)]
+_HINTS = {
+    "mass": "a number of kg",
+    "svl": "a number of m",
+    "tape": "numbers of m, from each marker to the next",
+    "vent": "the number of a marker, from 1",
+    "density": "pairs of arc length / SVL and relative density",
+}
 
 
 def tabular_files(folder: Path) -> dict[str, Path]:
@@ -41,39 +47,30 @@ def _body_file(source: Path) -> Path | None:
     return next((place for place in places if place.is_file()), None)
 
 
-def _array(values: Any, shape: tuple[int, ...], source: Path, name: str) -> np.ndarray:
-    """An entry as an array of the given shape, -1 for any length."""
-    try:
-        array = np.asarray(values, float)
-    except (TypeError, ValueError):
-        array = np.empty(())
-    if array.ndim != len(shape) or any(
-        want not in (-1, have) for want, have in zip(shape, array.shape, strict=True)
-    ):
-        raise RecordingError(f"{source}: {name!r} does not hold numbers as documented")
-    return array
+class _BodyFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What stands in the file of the body."""
+
+    snake: str
+    mass: float
+    svl: float
+    tape: list[float]
+    vent: int
+    density: list[tuple[float, float]] = msgspec.field(default_factory=lambda: _UNIFORM)
 
 
 def _read_body(source: Path) -> Body:
     try:
-        with source.open("rb") as file:
-            entries = tomllib.load(file)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{source}: {error}") from None
-    for name in _NEEDED:
-        if name not in entries:
-            raise RecordingError(f"{source}: {name!r} is missing")
-    for name in entries.keys() - {*_NEEDED, "density"}:
-        raise RecordingError(f"{source}: unknown {name!r}")
-    svl = float(_array(entries["svl"], (), source, "svl"))
+        found = fitted(read_toml(source), _BodyFile, source, _HINTS)
+    except ValueError as error:
+        raise RecordingError(str(error)) from None
     return Body(
-        snake=str(entries["snake"]),
-        mass=float(_array(entries["mass"], (), source, "mass")),
-        svl=svl,
-        svl_mean=svl,
-        tape=_array(entries["tape"], (-1,), source, "tape"),
-        vent=int(_array(entries["vent"], (), source, "vent")) - 1,
-        density=_array(entries.get("density", _UNIFORM), (-1, 2), source, "density"),
+        snake=found.snake,
+        mass=found.mass,
+        svl=found.svl,
+        svl_mean=found.svl,
+        tape=np.array(found.tape),
+        vent=found.vent - 1,
+        density=np.array(found.density).reshape(-1, 2),
         source=source,
         column="tape",
     )
@@ -96,6 +93,13 @@ def read_tabular(source: Path) -> Recording:
     columns = [f"m{marker:02d}_{axis}" for marker in range(1, count + 1) for axis in "xyz"]
     markers = numbers(rows, columns, source).reshape(len(rows), -1, 3)
     times = numbers(rows, ("time_s",), source)[:, 0]
-    rate = (len(times) - 1) / (times[-1] - times[0]) if times[-1] > times[0] else np.nan
-    check_clock(times, rate, source, "time_s")
+    rate = _rate(times, source)
+    check_clock(rows, rate, source, "time_s")
     return Recording(source.stem, rate, markers, columns, _read_body(body_file), source)
+
+
+def _rate(times: np.ndarray, source: Path) -> float:
+    """Frames a second [Hz]: the straight line through the times, however rounded."""
+    if len(times) < 2 or not np.isfinite(times).all() or not times[-1] > times[0]:
+        raise RecordingError(f"{source}: column 'time_s' does not rise from frame to frame")
+    return 1 / float(np.polyfit(np.arange(len(times)), times, 1)[0])

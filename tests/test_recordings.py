@@ -1,0 +1,178 @@
+"""Recordings that hold what no flight can: named by file, frame and marker."""
+
+import numpy as np
+import pytest
+from test_measured import PLACES, cut, swimming, write_study, write_tabular
+
+from jaxglide import measured
+from jaxglide.cli import main
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return swimming()
+
+
+def in_cell(value, frame=49, marker=4, axis=2):
+    def change(markers):
+        markers[frame, marker, axis] = value
+        return markers
+
+    return change
+
+
+def lost_at_zero(markers):
+    markers[60:66, 3] = 0.0
+    return markers
+
+
+def all_lost_at(place):
+    def change(markers):
+        markers[100] = place
+        return markers
+
+    return change
+
+
+def turned(*order, signs=(1, 1, 1)):
+    return lambda markers: markers[..., list(order)] * signs
+
+
+PLACES_OF_NO_FLIGHT = {
+    "-9999": (in_cell(-9999), r"'m05_z' is -9999 m in frame 50 \(marker 5\); .* within 100 m"),
+    "1e9": (in_cell(1e9), r"'m05_z' is 1e\+09 m in frame 50"),
+    "1e300": (in_cell(1e300), r"'m05_z' is 1e\+300 m in frame 50"),
+    "spike": (
+        in_cell(13.0),
+        r"marker 5 \(columns 'm05_x' to 'm05_z'\) in frame 50: markers 4 ",
+    ),
+    "first marker": (in_cell(13.0, 0, 0), r"marker 1 \(columns .* in frame 1: markers 1 and 2"),
+    "lost at 0": (lost_at_zero, r"marker 4 \(.*\) is at exactly 0, 0, 0 in frame 61, as some"),
+    "all at one place": (
+        all_lost_at(0.001),
+        r"marker 1 .* moves 7\.032\d* m from frame 100 to frame",
+    ),
+    "y up": (turned(0, 2, 1, signs=(1, 1, -1)), r"moves 6\.\d+ m backwards .* as 'm01_y'"),
+    "z down": (turned(0, 1, 2, signs=(1, 1, -1)), r"moves 6\.\d+ m upwards from .* as 'm01_z'"),
+    "at rest": (
+        lambda m: np.broadcast_to(m[:1], m.shape),
+        "the body is at rest: .* 0.5 to 30 m/s",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", PLACES_OF_NO_FLIGHT)
+def test_places_of_no_flight_are_named(tmp_path, whole, case):
+    change, message = PLACES_OF_NO_FLIGHT[case]
+    with pytest.raises(measured.RecordingError, match=rf"one\.csv: .*{message}"):
+        measured.read_tabular(write_tabular(tmp_path, change(whole.copy())))
+
+
+def test_a_study_is_told_in_its_own_unit(tmp_path, whole):
+    write_study(tmp_path, in_cell(-9.999)(whole.copy()))
+    told = (
+        r"101_7\.tsv: .*markers 4 and 5 are 1\d{4} mm apart, where the tape allows 276\.67 mm"
+    )
+    with pytest.raises(measured.RecordingError, match=told):
+        measured.read_study(tmp_path, "101")
+
+
+def retimed(source, change):
+    """The recording with another text for every time [s]."""
+    head, *rows = source.read_text().splitlines()
+    cells = (row.split(",", 1) for row in rows)
+    lines = [f"{change(float(time))},{rest}" for time, rest in cells]
+    source.write_text("\n".join([head, *lines]) + "\n")
+    return source
+
+
+def test_times_may_be_rounded_to_a_millisecond(tmp_path, whole):
+    source = write_tabular(tmp_path, whole)
+    exact = measured.read_tabular(source)
+    rounded = measured.read_tabular(retimed(source, lambda time: f"{time:.3f}"))
+    assert rounded.rate == pytest.approx(exact.rate, rel=1e-4)
+    lost = source.read_text().splitlines()
+    source.write_text("\n".join(lost[:100] + lost[101:]) + "\n")
+    with pytest.raises(measured.RecordingError, match=r"'time_s' is not in equal steps"):
+        measured.read_tabular(source)
+
+
+TIMES = {
+    "minutes": (lambda time: f"{time / 60:.8f}", r"move at 3\d\d m/s .* unit of the times"),
+    "milliseconds": (lambda time: f"{1000 * time:.3f}", r"0\.179 frames a second, .* unit of"),
+    "standing still": (lambda _: "0.5", "column 'time_s' does not rise"),
+}
+
+
+@pytest.mark.parametrize("case", TIMES)
+def test_times_in_another_unit_are_said(tmp_path, whole, case):
+    change, message = TIMES[case]
+    with pytest.raises(measured.RecordingError, match=rf"one\.csv: .*{message}"):
+        measured.read_tabular(retimed(write_tabular(tmp_path, whole), change))
+
+
+CELLS = {
+    "Inf": ("Inf", r"'Inf' in column 'm01_x', row 2 below the header, is not a finite number"),
+    "1_0": ("1_0", r"'1_0' in column 'm01_x'"),
+    "Latin-1": (
+        "\xb5",
+        r"'\\xb5' in column 'm01_x', row 2 below the header, is not UTF-8 text",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CELLS)
+def test_cells_that_are_no_numbers_are_named(tmp_path, whole, case):
+    cell, message = CELLS[case]
+    source = write_tabular(tmp_path, whole)
+    lines = source.read_text().splitlines()
+    cells = lines[2].split(",")
+    lines[2] = ",".join([cells[0], cell, *cells[2:]])
+    source.write_bytes("\n".join(lines).encode("latin-1"))
+    with pytest.raises(measured.RecordingError, match=rf"one\.csv: {message}"):
+        measured.read_tabular(source)
+
+
+def test_a_column_may_not_come_twice(tmp_path, whole):
+    source = write_tabular(tmp_path, whole)
+    source.write_text(cut(source.read_text(), "m04_x", "m03_x"))
+    with pytest.raises(measured.RecordingError, match=r"one\.csv: column 'm03_x' is there 2"):
+        measured.read_tabular(source)
+
+
+BODIES = {
+    "grams": (
+        {"mass": "50"},
+        r"mass = 50 kg does not go with svl = 0\.62 m, where 0\.0071 to 2",
+    ),
+    "all in cm": (
+        {"svl": "62", "tape": str((100 * np.diff(PLACES)).tolist())},
+        r"svl = 62 m is not allowed: it must be in \[0\.1, 1\.5\] m",
+    ),
+    "no end": ({"vent": "inf"}, r"vent = inf is not a whole number; the number of a marker"),
+    "half a marker": ({"vent": "3.5"}, r"vent = 3\.5 is not a whole number"),
+    "infinite": ({"mass": "inf"}, "mass is inf, not a positive number"),
+    "deep": ({"density": "[" * 9999}, "not a TOML file: it is nested too deeply"),
+    "triples": ({"density": "[[0, 1, 2]]"}, r"density\[0\] = \[0, 1, 2\] is not allowed"),
+}
+
+
+@pytest.mark.parametrize("case", BODIES)
+def test_bodies_that_cannot_be_are_named(tmp_path, whole, case):
+    changes, message = BODIES[case]
+    with pytest.raises(measured.RecordingError, match=rf"one\.toml: {message}"):
+        measured.read_tabular(write_tabular(tmp_path, whole, **changes))
+
+
+def test_two_recordings_of_one_trial_are_asked_for(tmp_path, whole):
+    first = write_study(tmp_path, whole) / "mocap" / "101_7.tsv"
+    first.with_name("101_7_complete.tsv").write_bytes(first.read_bytes())
+    told = r"101_7\.tsv and 101_7_complete\.tsv are of one trial: keep one"
+    with pytest.raises(measured.RecordingError, match=told):
+        measured.read_study(tmp_path, "101")
+
+
+def test_a_recording_is_named_once(tmp_path, whole, capsys):
+    write_tabular(tmp_path, whole)
+    assert main(["measure", str(tmp_path), "--trial", "one", "--trial", "one"]) == 2
+    assert "'one' is named 2 times" in capsys.readouterr().err

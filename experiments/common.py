@@ -10,7 +10,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from jaxglide._files import WriteError, make_folder, write_figure, write_text
+from jaxglide._files import WriteError, make_folder, write_figure, write_netcdf, write_text
 from jaxglide.cli import configure
 
 configure()  # before anything loads JAX
@@ -91,13 +91,21 @@ def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence]) -> 
     text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     print(text)
     write_text(path.with_suffix(".md"), text + "\n")
+    print(f"wrote {path.with_suffix('.md')}")
     records = [dict(zip(header, map(_plain, row), strict=True)) for row in rows]
     write_text(path.with_suffix(".json"), json.dumps(records, indent=1) + "\n")
+    print(f"wrote {path.with_suffix('.json')}")
 
 
 def _plain(value):
     value = value.item() if hasattr(value, "item") else value
     return None if isinstance(value, float) and value != value else value
+
+
+def save_dataset(data: xr.Dataset, path: Path) -> None:
+    """Write a dataset and say so."""
+    write_netcdf(path, data)
+    print(f"wrote {path}")
 
 
 def save_figure(figure, path: Path) -> None:

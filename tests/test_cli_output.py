@@ -5,6 +5,8 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,9 @@ import xarray as xr
 from jaxglide import cli
 from jaxglide.cli import _setup
 from jaxglide.cli._options import check_output, write
+from jaxglide.cli.figure import _FIGURES, _scripts
+
+ROOT = Path(__file__).parents[1]
 
 
 def run(capsys, *arguments):
@@ -96,6 +101,34 @@ def test_json_stays_alone_on_standard_output(capsys, tmp_path, monkeypatch):
     assert (code, json.loads(out), err) == (0, {"outcome": "landed"}, f"wrote {save}\n")
     with xr.open_dataset(save, engine="h5netcdf") as data:
         assert data.identical(sample())
+
+
+def test_figures_are_not_replaced_unasked(capfd, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "results" / "figure_s8" / "figure_s8.md"
+    path.parent.mkdir(parents=True)
+    path.write_text("mine")
+    assert cli.main(["figure", "s8"]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith(
+        "jaxglide: results/figure_s8 holds results: give a folder with --out"
+    )
+    assert len(said.splitlines()) == 1
+    assert path.read_text() == "mine"
+    assert cli.main(["figure", "s8", "--force"]) == 0
+    told = set(re.findall("wrote (.*)", capfd.readouterr().out))
+    assert told == {str(p.relative_to(tmp_path)) for p in path.parent.iterdir()}
+    assert path.read_text().startswith("| nodes")
+
+
+def test_the_scripts_of_the_figures_travel_with_the_package():
+    setup = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    folders = {path.parent.relative_to(ROOT) for path in (ROOT / "jaxglide").rglob("*.py")}
+    packages = {".".join(folder.parts) for folder in folders}
+    assert set(setup["packages"]) == packages | {"jaxglide.experiments"}
+    assert setup["package-dir"] == {"jaxglide.experiments": "experiments"}
+    scripts = {path.name for path in _scripts().glob("*.py")} - {"common.py"}
+    assert set(_FIGURES.values()) == scripts
 
 
 # Pipes and terminals

@@ -3,6 +3,9 @@
 import numpy as np
 import xarray as xr
 
+from ._units import labelled
+from .glide import Outcome
+
 _HEIGHTS = 100  # at which paths are compared
 
 
@@ -29,11 +32,30 @@ def at_heights(path: np.ndarray, heights: np.ndarray) -> np.ndarray:
     )
 
 
+def _broke_down(one: xr.Dataset) -> bool:
+    outcome = int(one["outcome"]) if "outcome" in one else Outcome.LANDED
+    whole = outcome not in (Outcome.OUT_OF_STEPS, Outcome.NON_FINITE)
+    return not (whole and np.isfinite(one["end"].values).all())
+
+
+def _compared(one: xr.Dataset) -> tuple:
+    """End height, both distances, path error, and whether each turned, of one flight."""
+    paths = [_finite(one[name].values) for name in ("position", "path")]
+    paths[1] = np.vstack([paths[1], one["end"].values])
+    end = max(path[:, 2].min() for path in paths)
+    heights = np.linspace(paths[0][0, 2], end, _HEIGHTS)
+    measured, simulated = (at_heights(path, heights) for path in paths)
+    apart = np.linalg.norm(measured - simulated, axis=1)
+    lengths = [np.linalg.norm((p[-1] - p[0])[:2]) for p in (measured, simulated)]
+    turned = [path[-1, 1] < path[:, 1].max() - 1e-6 for path in paths]
+    return end, *lengths, np.sqrt(np.mean(apart**2)), *turned
+
+
 def compare_paths(flown: xr.Dataset) -> xr.Dataset:
     """Distances and path errors of measured flights and their simulations.
 
     Both paths are followed from their common start to the height where the first of them
-    ends, and compared at equal heights.
+    ends, and compared at equal heights. A simulation that broke down has NaN.
 
     Args:
         flown: from `fly_flights`, over trial.
@@ -47,15 +69,7 @@ def compare_paths(flown: xr.Dataset) -> xr.Dataset:
     rows = []
     for trial in flown["trial"].values:
         one = flown.sel(trial=trial)
-        paths = [_finite(one[name].values) for name in ("position", "path")]
-        paths[1] = np.vstack([paths[1], one["end"].values])
-        end = max(path[:, 2].min() for path in paths)
-        heights = np.linspace(paths[0][0, 2], end, _HEIGHTS)
-        measured, simulated = (at_heights(path, heights) for path in paths)
-        apart = np.linalg.norm(measured - simulated, axis=1)
-        lengths = [np.linalg.norm((p[-1] - p[0])[:2]) for p in (measured, simulated)]
-        turned = [path[-1, 1] < path[:, 1].max() - 1e-6 for path in paths]
-        rows.append((end, *lengths, np.sqrt(np.mean(apart**2)), *turned))
+        rows.append((*[np.nan] * 4, False, False) if _broke_down(one) else _compared(one))
     names = {
         "end_height": ("m", "height down to which the paths are compared"),
         "distance_measured": ("m", "horizontal distance measured"),
@@ -67,7 +81,7 @@ def compare_paths(flown: xr.Dataset) -> xr.Dataset:
     columns = zip(*rows, strict=True)
     return xr.Dataset(
         {
-            name: (("trial",), np.array(values), {"units": unit, "long_name": long_name})
+            name: (("trial",), np.array(values), labelled(unit, long_name))
             for (name, (unit, long_name)), values in zip(names.items(), columns, strict=True)
         },
         coords={name: flown[name] for name in ("trial", "snake")},
@@ -75,7 +89,12 @@ def compare_paths(flown: xr.Dataset) -> xr.Dataset:
 
 
 def summary(compared: xr.Dataset) -> str:
-    """What a comparison shows, in a few lines."""
+    """What a comparison shows, in a few lines, without the simulations that broke down."""
+    lost = np.isnan(compared["path_error"].values)
+    said = [f"{lost.sum()} of {lost.size} simulations broke down: they are left out"]
+    compared = compared.isel(trial=~lost)
+    if lost.all():
+        return said[0]
     measured, simulated = (
         compared[f"distance_{name}"].values for name in ("measured", "simulated")
     )
@@ -86,6 +105,7 @@ def summary(compared: xr.Dataset) -> str:
     correlation = np.corrcoef(measured, simulated)[0, 1] if several else np.nan
     return "\n".join(
         [
+            *(said if lost.any() else []),
             f"{len(measured)} flights; horizontal distance to a common end height:",
             f"  measured   {measured.mean():.2f} +- {spread[0]:.2f} m",
             f"  simulated  {simulated.mean():.2f} +- {spread[1]:.2f} m, "

@@ -19,8 +19,9 @@ import xarray as xr
 from ._checks import check_integer, check_range
 from ._modes import either_mode
 from ._types import Array, Float
+from ._units import labelled
 from .dynamics import POSITION, VELOCITY
-from .flights import Measured, build_flight, measured_of
+from .flights import Measured, build_flight, check_flights, measured_of
 from .glide import simulate
 from .polar import Polar
 from .records import stamp
@@ -220,6 +221,7 @@ class Fitter:
                 raise ValueError(f"uncertainty of {name!r}: it may be of {CORRECTED}")
             check_range(f"uncertainty of {name}", value, "deg", 0, 90, low_open=True)
         check_range("noise", noise, "m", 0, 100, low_open=True)
+        data = check_flights(data)
         self.trials = [str(trial) for trial in data["trial"].values]
         self.animals = np.array([str(snake) for snake in data["snake"].values])
         windows = [_windows(data, part) for part in _PARTS]
@@ -392,7 +394,7 @@ def fitted_dataset(fitter: Fitter, fit: Fit) -> xr.Dataset:
     }
     data = xr.Dataset(
         {
-            name: (dims, values, {"units": unit, "long_name": long_name})
+            name: (dims, values, labelled(unit, long_name))
             for name, (dims, values, unit, long_name) in variables.items()
         },
         coords={"multiplier": list(SCALES), "other": list(SCALES), "trial": fitter.trials}

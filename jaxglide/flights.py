@@ -15,13 +15,15 @@ import numpy as np
 import xarray as xr
 
 from ._checks import check_choice, check_range
+from ._datasets import Schema, Variable, checked
 from ._types import Array, Float
+from ._units import labelled
 from .batch import spread
 from .dynamics import ANGLES, POSITION, VELOCITY, Glider
 from .gait import Gait
 from .glide import Outcome, simulate
 from .launch import Launch
-from .parameters import CHOICES
+from .parameters import CHOICES, PARAMETERS
 from .polar import Polar
 from .records import stamp
 from .snake import Snake
@@ -33,7 +35,25 @@ NECK = 0.075
 GAUSS_NODES = 60
 
 _GAIT = ("nu_theta", "theta_m", "psi_m", "d_psi", "f_theta")
-_NEEDED = (*_GAIT, "svl", "mass", "start_position", "start_velocity", "time", "position")
+_FARTHEST = 100.0  # m, as for recordings
+_TRIAL, _VECTOR = ("trial",), ("trial", "frame", "axis")
+FLIGHTS = Schema(
+    "the flights",
+    {
+        "trial": Variable(_TRIAL, None),
+        "snake": Variable(_TRIAL, None),
+        **{n: Variable(_TRIAL, p.unit, p.low, p.high) for n in _GAIT for p in [PARAMETERS[n]]},
+        "svl": Variable(_TRIAL, "m", 0.1, 1.5),
+        "mass": Variable(_TRIAL, "kg", 1e-4, 5.0),
+        "start_position": Variable(("trial", "axis"), "m", -_FARTHEST, _FARTHEST),
+        "start_velocity": Variable(("trial", "axis"), "m/s", -30.0, 30.0),
+        "time": Variable(("trial", "frame"), "s", 0.0, 60.0, gaps=True),
+        "position": Variable(_VECTOR, "m", -_FARTHEST, _FARTHEST, gaps=True),
+    },
+    sizes={"trial": 10_000, "frame": 100_000},
+    labels={"axis": ("x", "y", "z")},
+)
+"""What `jaxglide.measured.flights_dataset` makes and the simulations of flights need."""
 _LONGEST = 4.0  # s
 _TIMES = np.linspace(0.0, _LONGEST, 401)  # of a simulated path
 
@@ -61,13 +81,31 @@ class Measured(eqx.Module):
     heading: Float[Array, " N"]
 
 
-def check_flights(data: xr.Dataset) -> None:
-    """Raise `ValueError` where a dataset lacks what a simulation needs."""
-    for name in _NEEDED:
-        if name not in data:
-            raise ValueError(f"the flights have no variable {name!r}: see jaxglide.measured")
-    for name in (*_GAIT, "svl", "mass", "start_position", "start_velocity"):
-        check_range(name, data[name].values, data[name].attrs.get("units", ""))
+def check_flights(data: xr.Dataset) -> xr.Dataset:
+    """The flights in the units and the order of dimensions that simulations take.
+
+    Raises:
+        ValueError: a variable is missing, or holds what no measured flight can; the message
+            names the variable, the trial, the value and what is allowed.
+    """
+    data = checked(data, FLIGHTS)
+    trials = data["trial"].values
+    for trial, count in zip(*np.unique(trials, return_counts=True), strict=True):
+        if count > 1:
+            raise ValueError(f"trial {trial} is there {count} times")
+    height = data["start_position"].values[:, 2]
+    seen = np.isfinite(data["position"].values).all(axis=2)
+    for trial, up, known, times in zip(trials, height, seen, data["time"].values, strict=True):
+        if up <= 0:
+            raise ValueError(
+                f"start_position of trial {trial} is {up:g} m above the ground: it must be in "
+                f"(0, {_FARTHEST:g}] m"
+            )
+        if known.sum() < 2:
+            raise ValueError(f"position of trial {trial} is known in {known.sum()} frames of 2")
+        if not (np.diff(times[known]) > 0).all():
+            raise ValueError(f"time of trial {trial} does not rise from frame to frame")
+    return data
 
 
 def measured_of(data: xr.Dataset) -> Measured:
@@ -77,9 +115,9 @@ def measured_of(data: xr.Dataset) -> Measured:
         data: as `jaxglide.measured.flights_dataset` makes it, over trial.
 
     Raises:
-        ValueError: a variable is missing or not finite.
+        ValueError: see `check_flights`.
     """
-    check_flights(data)
+    data = check_flights(data)
     svl = data["svl"].values
     velocity = data["start_velocity"].values
     x, y, z = velocity.T
@@ -167,10 +205,11 @@ def fly_flights(
         the measured path, in the axes of the recording.
 
     Raises:
-        ValueError: a variable is missing or not finite, or an argument out of range.
+        ValueError: see `check_flights`, or an argument out of range.
     """
     check_choice("node_set", node_set, CHOICES["node_set"])
     check_range("tolerance", tolerance, "", 0, 0.1, low_open=True)
+    data = check_flights(data)
     flights = measured_of(data)
     nodes = node_count(data["svl"].values) if node_set == "published" else None
     check_choice("polar", polar, CHOICES["polar"])
@@ -211,7 +250,7 @@ def fly_flights(
     }
     found = xr.Dataset(
         {
-            name: (dims, values, {"units": unit, "long_name": long_name})
+            name: (dims, values, labelled(unit, long_name))
             for name, (dims, values, unit, long_name) in variables.items()
         },
         coords={"time_simulated": ("time_simulated", _TIMES, {"units": "s"})}

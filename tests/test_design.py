@@ -15,9 +15,12 @@ FLOORS = {
     "_types": 0,
     "_numerics": 0,
     "_checks": 0,
+    "_datasets": 0,
     "_documents": 0,
     "_files": 0,
     "_modes": 0,
+    "_netcdf": 0,
+    "_units": 0,
     "parameters": 0,
     "environment": 1,
     "attitude": 1,
@@ -62,7 +65,10 @@ FLOORS = {
 # Methods for convenience that import from a floor above, in their bodies only.
 LAZY = {("glide", "view")}
 APART = {"measured"}  # imports nothing of the model, but for what reads files
-READERS = {"_documents"}  # which load neither JAX nor any other module of this package
+READERS = {
+    "_documents",
+    "_units",
+}  # which load neither JAX nor any other module of this package
 MODULES = sorted(ROOT.rglob("*.py"))
 
 

@@ -36,18 +36,15 @@ def add(commands) -> None:
 
 def measured_flights(path: Path, quiet: bool):
     """The flights of a folder of recordings, or of a file saved by `jaxglide measure`."""
-    import xarray as xr
-
     if path.is_dir():
         from ..measured import flights_dataset, measure_folder
 
         return flights_dataset(measure_folder(path, progress=not quiet))
     if not path.exists():
         raise UsageError(f"{path}: there is no such folder or file")
-    try:
-        return xr.load_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError):
-        raise UsageError(f"{path} is not a NetCDF file") from None
+    from .._netcdf import load_netcdf
+
+    return load_netcdf(path)
 
 
 def _draw(folder: Path, flown, args) -> None:
@@ -66,6 +63,8 @@ def _draw(folder: Path, flown, args) -> None:
 
 
 def _run(args) -> int:
+    import numpy as np
+
     from ..comparison import compare_paths, summary
     from ..flights import fly_flights
     from ..glide import Outcome
@@ -81,10 +80,12 @@ def _run(args) -> int:
         drag_scale=args.drag_scale,
     )
     compared = compare_paths(flown)
+    whole = np.isfinite(compared.path_error.values)
     write(lambda: flown.merge(compared), None, args)
-    if args.plots is not None:
-        _draw(args.plots, flown, args)
+    if args.plots is not None and whole.any():
+        _draw(args.plots, flown.isel(trial=whole), args)
     outcomes = [str(Outcome(int(code))) for code in flown.outcome.values]
+    code = 0 if whole.all() else 1
     if args.json:
         names = [str(name) for name in compared.data_vars]
         rows = [
@@ -93,7 +94,7 @@ def _run(args) -> int:
             for row, trial in enumerate(compared.trial.values.tolist())
         ]
         print_json({"flights": rows})
-        return 0
+        return code
     print("trial  snake  measured m  simulated m  apart m  simulation")
     for row, outcome in enumerate(outcomes):
         one = compared.isel(trial=row)
@@ -102,4 +103,4 @@ def _run(args) -> int:
         cells = f"{lengths[0]:10.2f}  {lengths[1]:11.2f}  {float(one.path_error):7.2f}"
         print(f"{one.trial.item():>5}  {one.snake.item():>5}  {cells}  {outcome}{back}")
     print(summary(compared))
-    return 0
+    return code

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from .._units import labelled
 from .flight import MeasuredFlight
 
 # name: (unit, long name, radians inside)
@@ -17,7 +18,7 @@ NUMBERS: dict[str, tuple[str, str, bool]] = {
     "f_theta": ("Hz", "frequency of the horizontal wave", False),
     "theta_m": ("deg", "amplitude of the horizontal wave, from its modes", True),
     "psi_m": ("deg", "amplitude of the vertical wave, from its modes", True),
-    "d_psi": ("deg", "dorsoventral bending over the snout-vent length", True),
+    "d_psi": ("deg/SVL", "dorsoventral bending", True),
     "nu_psi": ("", "spatial periods of the vertical wave", False),
     "f_psi": ("Hz", "frequency of the vertical wave", False),
     "theta_range": ("deg", "half the peak-to-peak of the horizontal angle", True),
@@ -131,7 +132,7 @@ def flights_dataset(flights: Sequence[MeasuredFlight]) -> xr.Dataset:
         "part": ["real", "imaginary"],
     }
     variables = {
-        name: (dims, values, {"units": unit, "long_name": long_name})
+        name: (dims, values, labelled(unit, long_name))
         for name, (dims, values, unit, long_name) in _variables(flights).items()
     }
     about = {"jaxglide": metadata.version("jaxglide"), "axes": "x right, y forward, z up"}

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 import zarr
 
+from .._netcdf import load_netcdf
 from ..records import study_dataset
 from ..store import _FORMAT, _digest
 from ..study import Study
@@ -28,13 +29,7 @@ def open_result(path: str | Path) -> xr.Dataset:
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"there is no {path}")
-    try:
-        data = _open_zarr(path) if path.is_dir() else _open_netcdf(path)
-    except Exception as error:
-        said = str(error).split("\n")[0]
-        raise ValueError(
-            f"cannot read {path}: damaged, or neither NetCDF nor Zarr ({said})"
-        ) from error
+    data = _opened_zarr(path) if path.is_dir() else load_netcdf(path)
     if not {"version_jaxglide", "jaxglide"} & set(data.attrs):
         raise ValueError(f"{path} is not a result of jaxglide")
     if data.attrs.get("computed") == 0:
@@ -42,9 +37,12 @@ def open_result(path: str | Path) -> xr.Dataset:
     return data
 
 
-def _open_netcdf(path: Path) -> xr.Dataset:
-    with xr.open_dataset(path, engine="h5netcdf") as data:
-        return data.load()
+def _opened_zarr(path: Path) -> xr.Dataset:
+    try:
+        return _open_zarr(path)
+    except Exception as error:
+        said = str(error).split("\n")[0]
+        raise ValueError(f"cannot read {path}: damaged, or no Zarr store ({said})") from error
 
 
 def _open_zarr(path: Path) -> xr.Dataset:

@@ -3,16 +3,28 @@
 import argparse
 import json
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import xarray as xr
 
-from jaxglide._files import make_folder, write_figure, write_text
+from jaxglide._files import WriteError, make_folder, write_figure, write_netcdf, write_text
 from jaxglide.cli import configure
 
 configure()  # before anything loads JAX
+
+
+def _say(kind, error, trace) -> None:
+    """A full disk is one sentence; everything else shows where it happened."""
+    if issubclass(kind, WriteError):
+        print(f"jaxglide: {error}", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = _say
 
 
 @dataclass
@@ -37,12 +49,19 @@ class Options:
 def arguments(description: str | None) -> Options:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder (results)")
+    script = Path(sys.argv[0]).stem
+    parser.add_argument("--out", type=Path, help=f"folder (results/{script})")
     parser.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
     parser.add_argument("--size", type=int, help="number of glides, where it can be chosen")
+    text = "replace the results in the default folder"
+    parser.add_argument("--force", action="store_true", help=text)
     given = parser.parse_args()
-    make_folder(given.out)
-    return Options(given.out, given.resume, given.size)
+    out = given.out or Path("results") / script
+    make_folder(out)
+    if not (given.out or given.force or given.resume) and any(out.iterdir()):
+        ways = "give a folder with --out, --force to replace them, or --resume to go on"
+        parser.exit(2, f"jaxglide: {out} holds results: {ways}\n")
+    return Options(out, given.resume, given.size)
 
 
 def flights() -> xr.Dataset:
@@ -72,13 +91,21 @@ def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence]) -> 
     text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     print(text)
     write_text(path.with_suffix(".md"), text + "\n")
+    print(f"wrote {path.with_suffix('.md')}")
     records = [dict(zip(header, map(_plain, row), strict=True)) for row in rows]
     write_text(path.with_suffix(".json"), json.dumps(records, indent=1) + "\n")
+    print(f"wrote {path.with_suffix('.json')}")
 
 
 def _plain(value):
     value = value.item() if hasattr(value, "item") else value
     return None if isinstance(value, float) and value != value else value
+
+
+def save_dataset(data: xr.Dataset, path: Path) -> None:
+    """Write a dataset and say so."""
+    write_netcdf(path, data)
+    print(f"wrote {path}")
 
 
 def save_figure(figure, path: Path) -> None:

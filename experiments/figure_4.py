@@ -1,8 +1,7 @@
 """Figure 4 and table S1: the shape space from 10 m and 75 m, frozen and undulating."""
 
-from common import arguments, save_figure, write_table
+from common import arguments, save_dataset, save_figure, write_table
 
-from jaxglide._files import write_netcdf
 from jaxglide.plot import shape_heatmaps
 from jaxglide.published import long_summary, shape_space, summary
 
@@ -16,7 +15,7 @@ def main() -> None:
     write_table(options.out / "table_s1", ("quantity", "region", "jaxglide", "published"), rows)
     for height, data in (("10m", short), ("75m", tall)):
         save_figure(shape_heatmaps(data), options.out / f"figure_4_{height}.png")
-        write_netcdf(options.out / f"figure_4_{height}.nc", data)
+        save_dataset(data, options.out / f"figure_4_{height}.nc")
 
 
 if __name__ == "__main__":

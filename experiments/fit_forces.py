@@ -9,10 +9,9 @@ number of resamplings of the animals.
 
 import numpy as np
 import xarray as xr
-from common import arguments, flights, save_figure, write_table
+from common import arguments, flights, save_dataset, save_figure, write_table
 from matplotlib.figure import Figure
 
-from jaxglide._files import write_netcdf
 from jaxglide.comparison import compare_paths
 from jaxglide.fit import SCALES, Fit, Fitter, fitted_dataset
 from jaxglide.flights import fly_flights
@@ -65,7 +64,7 @@ def main() -> None:
     header = (*header, "gaits corrected", "sd")
     write_table(options.out / "fit_uncertainty", header, rows)
     for name, one, of in (("fit", found, fitter), ("fit_corrected", gaits, corrected)):
-        write_netcdf(options.out / f"{name}.nc", fitted_dataset(of, one))
+        save_dataset(fitted_dataset(of, one), options.out / f"{name}.nc")
     rows = []
     for (name, given), changes in zip(UNCERTAINTY.items(), gaits.changes.T, strict=True):
         one = np.rad2deg(changes)

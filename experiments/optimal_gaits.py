@@ -10,14 +10,13 @@ touch themselves are ruled out: the model does not know that they cannot.
 import time
 from typing import Any
 
-from common import arguments, save_figure, write_table  # first: it sets up JAX
+from common import arguments, save_dataset, save_figure, write_table  # first: it sets up JAX
 
 # isort: split
 import numpy as np
 import xarray as xr
 
 from jaxglide import Outcome, simulate
-from jaxglide._files import write_netcdf
 from jaxglide.cases import build
 from jaxglide.extrapolation import extrapolation
 from jaxglide.objectives import clearance, landing_distance, stability_margin
@@ -133,7 +132,7 @@ def search(
     names_ = "best published shape", "optimised gait"
     both = before_and_after(fly(old, height), glide, names_)
     save_figure(both, options.out / f"{label}_glide.png")
-    write_netcdf(options.out / f"{label}.nc", found.history)
+    save_dataset(found.history, options.out / f"{label}.nc")
     return row, found
 
 

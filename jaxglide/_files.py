@@ -56,9 +56,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
     """
     with writing(path):
         target = Path(os.path.realpath(path))
-        if target.is_dir():
-            raise WriteError(f"cannot write {path}: it is a folder")
-        beside = target.with_name(f".{target.stem[:100]}-{secrets.token_hex(8)}{target.suffix}")
+        _check_place(path, target)
+        beside = target.with_name(f".{target.stem[:30]}-{secrets.token_hex(8)}{target.suffix}")
         try:
             beside.touch(exist_ok=False)
             yield beside
@@ -66,16 +65,25 @@ def replacing(path: str | Path) -> Iterator[Path]:
             if target.exists():
                 shutil.copymode(target, beside)
             os.replace(beside, target)
-            sync(target.parent)
+            with contextlib.suppress(OSError):  # not every file system syncs folders
+                sync(target.parent)
         finally:
             with contextlib.suppress(OSError):
                 beside.unlink()
 
 
+def _check_place(path: str | Path, target: Path) -> None:
+    """A folder cannot be replaced; devices, pipes and what is read-only must not be."""
+    if target.is_dir():
+        raise WriteError(f"cannot write {path}: it is a folder")
+    if target.exists() and not target.is_file():
+        raise WriteError(f"cannot write {path}: it is no ordinary file")
+    if target.exists() and not os.access(target, os.W_OK):
+        raise WriteError(f"cannot write {path}: it is read-only")
+
+
 def sync(path: Path) -> None:
     """See that a file, or the names in a folder, reach the disk."""
-    if os.name == "nt" and path.is_dir():
-        return  # Windows keeps folders in order itself
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:
         os.fsync(handle)

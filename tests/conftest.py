@@ -1,10 +1,12 @@
 """What the tests share: float64, the golden figures, and the gliders they belong to."""
 
 import atexit
+import contextlib
 import importlib.util
 import json
 import os
 import pathlib
+import resource
 import shutil
 import tempfile
 
@@ -59,6 +61,22 @@ def norm_error(value, expected):
 def _keep_jax_settings(monkeypatch):
     """The tests set up JAX themselves; the command line need not."""
     monkeypatch.setattr("jaxglide.cli.configure", lambda: None)
+
+
+@contextlib.contextmanager
+def file_size_limit(size):
+    """Stands in for a full disk: no file may grow beyond `size` bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.fixture(scope="session")
+def disk_of():
+    return file_size_limit
 
 
 @pytest.fixture(scope="session")

@@ -3,10 +3,8 @@
 import ast
 import os
 import re
-import resource
 import subprocess
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +15,6 @@ from matplotlib.figure import Figure
 import jaxglide
 from jaxglide import _files
 from jaxglide._files import BusyError, WriteError, alone, replacing, write_bytes, write_text
-
-
-@contextmanager
-def file_size_limit(size):
-    """Stands in for a full disk: no file may grow beyond `size` bytes."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def names(folder):
@@ -51,10 +38,10 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_full_disk_is_one_sentence_and_the_old_file_stays(tmp_path, name):
+def test_a_full_disk_is_one_sentence_and_the_old_file_stays(tmp_path, disk_of, name):
     path = tmp_path / name
     path.write_text("old")
-    with file_size_limit(4096), pytest.raises(WriteError) as caught:
+    with disk_of(4096), pytest.raises(WriteError) as caught:
         WRITERS[name](path)
     assert str(caught.value) == f"cannot write {path}: File too large"
     assert names(tmp_path) == [name]
@@ -103,6 +90,82 @@ def test_places_that_cannot_be_written_are_named(tmp_path):
         write_text(missing, "")
     with pytest.raises(WriteError, match="it is a folder"):
         write_text(tmp_path, "")
+
+
+def test_devices_and_what_is_read_only_are_not_replaced(tmp_path, monkeypatch):
+    pipe, mine = tmp_path / "pipe", tmp_path / "mine.txt"
+    os.mkfifo(pipe)
+    with pytest.raises(WriteError, match=f"cannot write {pipe}: it is no ordinary file"):
+        write_text(pipe, "")
+    assert pipe.is_fifo()
+    mine.write_text("old")
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write anything
+    with pytest.raises(WriteError, match=f"cannot write {mine}: it is read-only"):
+        write_text(mine, "new")
+    assert mine.read_text() == "old"
+    assert names(tmp_path) == ["mine.txt", "pipe"]
+
+
+# A process that ends at the n-th thing it asks of the disk, for every n
+_KILLED = """
+import io, os, pathlib, sys
+import numpy as np, xarray as xr
+from matplotlib.figure import Figure
+from jaxglide import _files
+
+path, kind = pathlib.Path(sys.argv[1]), sys.argv[2]
+figure = Figure(figsize=(1, 1))
+figure.text(0, 0, "a")
+data = xr.Dataset({"x": ("t", np.arange(500.0))})
+write = {
+    "nc": lambda: _files.write_netcdf(path, data),
+    "png": lambda: _files.write_figure(path, figure),
+}[kind]
+
+def asks(call):
+    owner = getattr(call, "__self__", None)
+    on_disk = type(owner).__module__ == "_io" and not isinstance(owner, io.BytesIO)
+    return call is io.open or owner is os.open.__self__ or on_disk
+
+def ends_at(last, event):
+    count = 0
+    def see(frame, kind, call):
+        nonlocal count
+        if kind == event and asks(call):
+            count += 1
+            if count == last:
+                os._exit(9)
+    return see
+
+write()
+whole, seen = path.read_bytes(), []
+for event in ("c_call", "c_return"):
+    last, code = 0, 9
+    while code == 9:
+        path.write_bytes(b"old")
+        last += 1
+        child = os.fork()
+        if not child:
+            sys.setprofile(ends_at(last, event))
+            write()
+            sys.setprofile(None)
+            os._exit(0)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        left = path.read_bytes()
+        seen.append("old" if left == b"old" else "new" if left == whole else "broken")
+        for other in path.parent.glob(".*"):
+            other.unlink()
+    assert code == 0, code
+    assert last > 10, last
+print(*sorted(set(seen)))
+"""
+
+
+@pytest.mark.parametrize("kind", ["nc", "png"])
+def test_a_process_killed_at_any_moment_leaves_the_old_file_or_the_new(tmp_path, kind):
+    command = [sys.executable, "-c", _KILLED, str(tmp_path / f"a.{kind}"), kind]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("new old\n", "")
 
 
 _HOLD = """

@@ -7,6 +7,7 @@ import html
 import json
 import re
 import tomllib
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +19,7 @@ from PIL import Image
 
 from jaxglide import Gait, Glider, Launch, Outcome, Snake, cli, reconstruct, simulate
 from jaxglide.view import Page, Scene, animate, still, view
+from jaxglide.view._picture import Picture
 from jaxglide.view.scene import scale_of
 
 ROOT = Path(__file__).parents[1]
@@ -243,6 +245,15 @@ def test_text_is_escaped(glide):
     assert not set(packed) & set("<>&\u2028\u2029")
 
 
+def test_texts_that_no_file_holds_are_mended(glide, tmp_path):
+    """Halves of characters that stand alone; two that belong together make one."""
+    path = tmp_path / "a.html"
+    page = view(glide, path, title="a\udc00b", labels=["\ud83d\udc0d \ud800"])
+    assert path.read_text(encoding="utf-8") == page.html
+    assert page.title == Elements(page.html).of("title")[0][1] == "a\ufffdb"
+    assert numbers(page.html)[0]["glides"][0]["label"] == "\U0001f40d \ufffd"
+
+
 def test_page_saves_itself_and_shows_itself_in_a_notebook(glide, page, tmp_path):
     path = tmp_path / "glide.html"
     page = glide.view(path, title='A "quoted" <glide>')
@@ -374,6 +385,39 @@ def test_still_shows_forces_of_several_glides(glide, tmp_path):
     assert ((b - r > 100) & (g > r)).sum() > 100  # lift
 
 
+@pytest.mark.filterwarnings("error")  # of glyphs that are missing
+def test_texts_in_pictures_are_texts(scene, glide, tmp_path):
+    """No formulas, and no box where the font has no picture of a character."""
+    text = "$\\frac{$ a_b ψ \U0001f40d"
+    picture = Picture([scene, replace(scene, label=text)], text, 0.1)
+    drawn = [picture.figure.texts[0], picture.figure.legends[0].get_texts()[-1]]
+    assert [t.get_text() for t in drawn] == [r"\$\frac{\$ a_b ψ U+1F40D"] * 2
+    still(glide, tmp_path / "a.png", title=text, labels=[text])
+    assert (tmp_path / "a.png").stat().st_size > 20_000
+
+
+WRITTEN = {
+    "a.html": lambda g, path: view(g, path),
+    "a.png": lambda g, path: still(g, path),
+    "a.gif": lambda g, path: animate(g, path, frames_per_second=2, playback=0.5),
+    "a.mp4": lambda g, path: animate(g, path, frames_per_second=2, playback=0.5),
+}
+
+
+@pytest.mark.parametrize("size", [0, 16_384])
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_full_disk_leaves_the_old_file(glide, tmp_path, disk_of, name, size):
+    if name == "a.mp4":
+        pytest.importorskip("imageio_ffmpeg")
+    path = tmp_path / name
+    path.write_text("old")
+    with disk_of(size), pytest.raises(OSError, match=f"^cannot write {path}: .+") as caught:
+        WRITTEN[name](glide, path)
+    assert "\n" not in str(caught.value)
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+    assert path.read_text() == "old"
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -424,9 +468,9 @@ def test_command_writes_a_page_of_several_glides(flown, tmp_path, capsys):
     about, _ = numbers(out.read_text(encoding="utf-8"))
     labels = [given["label"] for given in about["glides"]]
     assert labels == [
-        "f_theta = 1.2 Hz, d_psi = 10 deg/SVL",
-        "f_theta = 0 Hz",
-        "d_psi = 0 deg/SVL",
+        "undulation frequency = 1.2 Hz, dorsoventral bending = 10 deg/SVL",
+        "undulation frequency = 0 Hz",
+        "dorsoventral bending = 0 deg/SVL",
     ]
     printed = capsys.readouterr().out
     assert f"wrote {out} (" in printed
@@ -441,6 +485,47 @@ def test_command_writes_pictures(flown, tmp_path, capsys):
         with Image.open(out) as image:
             assert image.size[0] >= 960
     assert "browser" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["g.html", "g.gif"])
+def test_command_says_that_the_disk_is_full(flown, tmp_path, capsys, disk_of, name):
+    words = ["view", "--out", str(tmp_path / name), "--frames-per-second", "2"]
+    with disk_of(4096):
+        assert cli.main(words) == 1
+    assert capsys.readouterr() == (
+        "",
+        f"jaxglide: cannot write {tmp_path / name}: File too large\n",
+    )
+    assert not list(tmp_path.iterdir())
+
+
+def test_command_replaces_only_what_it_was_told_to(flown, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "glide.html"
+    path.write_text("mine")
+    assert cli.main(["view"]) == 2
+    assert capsys.readouterr().err == (
+        "jaxglide: glide.html exists: give a name with --out, or --force to replace it\n"
+    )
+    assert not flown
+    assert path.read_text() == "mine"
+    for words in (["--force"], ["--out", "glide.html"]):
+        path.write_text("mine")
+        assert cli.main(["view", *words]) == 0
+        assert "<html" in path.read_text(encoding="utf-8")
+
+
+def test_command_fails_where_a_glide_was_not_computed_to_its_end(
+    glide, tmp_path, capsys, monkeypatch
+):
+    lost = eqx.tree_at(lambda g: g.outcome, glide, np.asarray(int(Outcome.OUT_OF_STEPS)))
+    glides = iter([glide, lost])
+    monkeypatch.setattr("jaxglide.glide.simulate", lambda *_, **options: next(glides))
+    words = ["view", "--compare", "mass=1e-9", "--out", str(tmp_path / "g.html")]
+    assert cli.main(words) == 1
+    told = f"the glide with mass = 1e-09 kg ran out of steps at {float(glide.time):.6g} s"
+    assert capsys.readouterr() == ("", f"jaxglide: {told}\n")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,12 @@
 """The command line (floor 7): one file a command. JAX is set up here, before it loads."""
 
+import contextlib
+import io
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+from .._files import WriteError
 from . import (
     compare,
     figure,
@@ -49,19 +53,52 @@ def _parser() -> Parser:
     return parser
 
 
+@contextlib.contextmanager
+def _standard_output() -> Iterator[None]:
+    """See that what is printed goes out, before Python does at its exit, where it complains.
+
+    Characters that the terminal cannot show are spelled out instead of raising.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        yield
+    finally:
+        try:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+        except BrokenPipeError:
+            _drop_output()
+            raise
+        except OSError as error:
+            _drop_output()
+            raise WriteError(f"cannot write standard output: {error.strerror}") from error
+
+
+def _drop_output() -> None:
+    """What is left to print goes nowhere; see `BrokenPipeError` at docs.python.org."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 failed, 2 wrong input)."""
     try:
-        args = _parser().parse_args(argv)
-        check_output(args)
-        configure()
-        check_ranges(args)
-        return args.run(args)
+        with _standard_output():
+            args = _parser().parse_args(argv)
+            check_output(args)
+            configure()
+            check_ranges(args)
+            return args.run(args)
+    except BrokenPipeError:  # who reads what is printed has seen enough
+        return 1
     except (UsageError, ValueError, TypeError) as error:
         print(f"jaxglide: {error}", file=sys.stderr)
         return 2
     except OSError as error:
-        print(f"jaxglide: {error}", file=sys.stderr)
+        where = "" if error.filename is None else f"{error.filename}: "
+        said = f"{where}{error.strerror}" if error.strerror else str(error)
+        print(f"jaxglide: {said}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("jaxglide: interrupted", file=sys.stderr)

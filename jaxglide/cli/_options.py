@@ -141,7 +141,13 @@ def add_tolerances(parser: argparse.ArgumentParser) -> None:
         add_number(group, name, p, default=p.default)
 
 
-def add_output(parser: argparse.ArgumentParser, save: bool = True, plot: bool = True) -> None:
+def add_output(
+    parser: argparse.ArgumentParser,
+    save: bool = True,
+    plot: bool = True,
+    endings: tuple[str, ...] = ("",),
+) -> None:
+    """Options of files and JSON; `endings` tell the figures of --plot apart, if several."""
     group = parser.add_argument_group("output")
     if save:
         text = "write a NetCDF file (.nc)"
@@ -150,10 +156,14 @@ def add_output(parser: argparse.ArgumentParser, save: bool = True, plot: bool = 
         parser.set_defaults(save=None)
     if plot:
         text = "write a figure (.png, .pdf, .svg)"
+        if endings[1:]:
+            more = " and ".join(endings[1:])
+            text = f"write figures (.png, .pdf, .svg): FILE, and beside it FILE with {more}"
         group.add_argument("--plot", metavar="FILE", type=Path, help=text)
     else:
         parser.set_defaults(plot=None)
     group.add_argument("--json", action="store_true", help="print one JSON object instead")
+    parser.set_defaults(plot_endings=endings)
 
 
 _GROUPS = {
@@ -244,10 +254,28 @@ def writable(*paths: Path | None) -> None:
     for path in paths:
         if path is None:
             continue
-        if not path.parent.is_dir():
+        folder = Path(os.path.realpath(path)).parent  # where a link leads
+        if not folder.is_dir():
             raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
-        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-            raise UsageError(f"cannot write {path}")
+        if path.is_dir():
+            raise UsageError(f"cannot write {path}: it is a folder")
+        if not os.access(folder, os.W_OK):
+            raise UsageError(f"cannot write {path}: the folder {path.parent} is read-only")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise UsageError(f"cannot write {path}: it is read-only")
+
+
+def add_force(parser) -> None:
+    """For commands that choose a name themselves where none is given."""
+    text = "replace a file that stands there, where --out is not given"
+    parser.add_argument("--force", action="store_true", help=text)
+
+
+def out_of(args, default: Path) -> Path:
+    """The file of --out, or the default one, which replaces nothing unless told to."""
+    if args.out is None and default.exists() and not args.force:
+        raise UsageError(f"{default} exists: give a name with --out, or --force to replace it")
+    return args.out or default
 
 
 def _suffix(path: Path | None, option: str, allowed: tuple[str, ...]) -> None:
@@ -255,10 +283,31 @@ def _suffix(path: Path | None, option: str, allowed: tuple[str, ...]) -> None:
         raise UsageError(f"{option} {path}: the name must end in {' or '.join(allowed)}")
 
 
+_OUTPUTS = ("save", "plot", "out", "log", "store", "plots")
+
+
 def check_output(args) -> None:
+    """Files to write: kinds known, places writable, none named twice."""
     _suffix(args.save, "--save", (".nc",))
     _suffix(args.plot, "--plot", (".png", ".pdf", ".svg"))
-    writable(args.save, args.plot)
+    drawn = drawn_files(args)
+    writable(args.save, getattr(args, "log", None), *drawn)
+    given = [(f"--{name}", getattr(args, name, None)) for name in _OUTPUTS if name != "plot"]
+    given += [("--plot", path) for path in drawn]
+    options: dict[str, str] = {}
+    for option, path in given:
+        if path is None:
+            continue
+        other = options.setdefault(os.path.realpath(path), option)
+        if other != option:
+            raise UsageError(f"{other} and {option} both name {path}")
+
+
+def drawn_files(args) -> list[Path]:
+    """The files of --plot: one, or one for every ending that the command adds to its name."""
+    if args.plot is None:
+        return []
+    return [args.plot.with_stem(args.plot.stem + end) for end in args.plot_endings]
 
 
 def write(data, figure, args) -> None:

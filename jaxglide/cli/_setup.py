@@ -16,13 +16,30 @@ def configure() -> None:
     os.environ["XLA_FLAGS"] = " ".join([given, *flags]).strip()
     # Loading a cached executable logs a page about tuning hints as an error.
     os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
+    # No figure is shown here, and a notebook's backend may be one that is not installed.
+    os.environ["MPLBACKEND"] = "agg"
     import jax
 
     jax.config.update("jax_enable_x64", True)
     if not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
-        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        jax.config.update("jax_compilation_cache_dir", str(home / "jaxglide"))
+        jax.config.update("jax_compilation_cache_dir", _cache())
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     if not os.environ.get("JAX_NUM_CPU_DEVICES"):
-        jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
+        jax.config.update("jax_num_cpu_devices", _cores())
     warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
+
+
+def _cache() -> str | None:
+    """The folder of compiled code; none for a user without a home, whom no other may serve."""
+    try:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:
+        return None
+    return str(home / "jaxglide")
+
+
+def _cores() -> int:
+    """Cores that this process may use, which can be fewer than the machine has."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -33,20 +33,27 @@ def add(commands) -> None:
         help="make a published figure with its table",
         description="Run one of the scripts in experiments/.",
     )
-    figure.add_argument("name", choices=_FIGURES, help=", ".join(_FIGURES))
-    figure.add_argument("--out", default="results", metavar="FOLDER", help="(results)")
+    figure.add_argument("name", metavar="NAME", choices=_FIGURES, help=", ".join(_FIGURES))
+    figure.add_argument("--out", metavar="FOLDER", help="(results/NAME of the script)")
+    text = "replace the results in the default folder"
+    figure.add_argument("--force", action="store_true", help=text)
     figure.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
     figure.add_argument("--size", type=whole, metavar="N", help="size, where it can be chosen")
     figure.set_defaults(run=_run, save=None, plot=None)
 
 
 def _run(args) -> int:
-    folder = Path(__file__).parents[2] / "experiments"
-    script = folder / _FIGURES[args.name]
-    if not script.exists():
-        raise UsageError("the figures' scripts are in a clone of the repository, not here")
     if args.size is not None and args.size < 32:
         raise UsageError(f"--size {args.size} is not at least 32")
-    options = ["--out", args.out, *(["--resume"] if args.resume else [])]
+    options = [] if args.out is None else ["--out", args.out]
+    options += [f"--{name}" for name in ("resume", "force") if getattr(args, name)]
     options += [] if args.size is None else ["--size", str(args.size)]
+    script = _scripts() / _FIGURES[args.name]
     return subprocess.run([sys.executable, str(script), *options]).returncode
+
+
+def _scripts() -> Path:
+    """The folder of the scripts: inside the package where installed, beside it in a clone."""
+    package = Path(__file__).parents[1]
+    inside = package / "experiments"
+    return inside if inside.is_dir() else package.with_name("experiments")

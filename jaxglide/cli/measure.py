@@ -98,6 +98,8 @@ def _run(args) -> int:
     if not args.data.is_dir():
         raise UsageError(f"{args.data} is not a folder")
     known = find_trials(args.data)
+    if args.plots is not None and "gaits" in (args.trial or known):
+        raise UsageError("--plots: the recording 'gaits' has the name of the figure of all")
     for trial in args.trial or ():
         if trial not in known:
             raise UsageError(f"no recording {trial!r} in {args.data}: {', '.join(known)}")

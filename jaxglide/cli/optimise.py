@@ -9,6 +9,8 @@ from ._options import (
     add_objective,
     add_output,
     add_setup,
+    announce,
+    drawn_files,
     fixed_of,
     print_json,
     setup_of,
@@ -60,7 +62,7 @@ def add(commands) -> None:
     group.add_argument("--log", type=Path, metavar="FILE", help=text)
     group.add_argument("--rtol", type=a_number, default=1e-7, help="tolerance of a step (1e-7)")
     add_setup(parser, polar="smooth", node_set="gauss")
-    add_output(parser)
+    add_output(parser, endings=("", "_paths", "_glides"))
     parser.set_defaults(run=_run)
 
 
@@ -128,13 +130,12 @@ def _pictures(args, problem, found, best) -> None:
     from ..plot import before_and_after, convergence, paths
 
     fixed = {name: x for name, x in problem.fixed.items() if name in ("height", "speed")}
-    figures = {"": convergence(found.history)}
+    progress, across, glides = drawn_files(args)
+    write_drawing(progress, convergence(found.history), args)
     if len(problem.names) > 1:
-        figures["_paths"] = paths(found.history)
+        write_drawing(across, paths(found.history), args)
     usual = _fly(problem, fixed)
-    figures["_glides"] = before_and_after(usual, best, ("published", "best"))
-    for ending, figure in figures.items():
-        write_drawing(args.plot.with_stem(args.plot.stem + ending), figure, args)
+    write_drawing(glides, before_and_after(usual, best, ("published", "best")), args)
 
 
 def _run(args) -> int:
@@ -169,6 +170,8 @@ def _run(args) -> int:
         screener=screener,
     )
     write(lambda: found.history, None, args)
+    if args.log is not None:
+        announce(args.log, args)
     checked = beyond = None
     if found.feasible:
         checked = verify(problem, found.best, screener=screener)

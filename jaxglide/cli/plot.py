@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ._options import UsageError, _suffix, writable, write_drawing
+from ._options import UsageError, _suffix, add_force, out_of, writable, write_drawing
 
 
 def add(commands) -> None:
@@ -19,6 +19,7 @@ def add(commands) -> None:
     text = "figure to write (.png, .pdf, .svg); by default FILE's name with .png, here"
     plot.add_argument("--out", metavar="FILE", type=Path, help=text)
     text = "variable to draw; of a glide also waves, theta, psi, body, bends and forces"
+    add_force(plot)
     plot.add_argument("--variable", metavar="NAME", help=text)
     plot.add_argument("--x", metavar="NAME", help="dimension across")
     plot.add_argument("--y", metavar="NAME", help="dimension up")
@@ -42,7 +43,7 @@ def _where(texts: list[str]) -> dict:
 
 
 def _run(args) -> int:
-    out = args.out or Path(args.file.resolve().name).with_suffix(".png")
+    out = out_of(args, Path(args.file.resolve().name).with_suffix(".png"))
     _suffix(out, "--out", (".png", ".pdf", ".svg"))
     writable(out)
     at = _where(args.at)

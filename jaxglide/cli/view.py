@@ -1,15 +1,19 @@
 """`jaxglide view`."""
 
+import re
+import sys
 from pathlib import Path
 
 from ..parameters import PARAMETERS
 from ._options import (
     UsageError,
     a_number,
+    add_force,
     add_glider,
     add_tolerances,
     build_from,
     case_of,
+    out_of,
     setup_of,
     writable,
 )
@@ -34,9 +38,8 @@ def add(commands) -> None:
         "--compare", action="append", default=[], metavar="NAME=VALUE", help=text
     )
     text = "file to write: .html, .gif, .mp4 or .png (glide.html)"
-    group.add_argument(
-        "--out", type=Path, default=Path("glide.html"), metavar="FILE", help=text
-    )
+    group.add_argument("--out", type=Path, metavar="FILE", help=text)
+    add_force(group)
     group.add_argument("--title", help="heading (says from where the glide starts)")
     text = "frames a second: of flight for .html (60), of the animation for .gif and .mp4 (20)"
     group.add_argument("--frames-per-second", type=a_number, metavar="X", help=text)
@@ -44,7 +47,7 @@ def add(commands) -> None:
     group.add_argument("--playback", type=a_number, default=0.25, metavar="X", help=text)
     text = "time in flight of a .png [s] (at 40 %% of the glide)"
     group.add_argument("--at", type=a_number, metavar="X", help=text)
-    view.set_defaults(run=_run, save=None, plot=None)
+    view.set_defaults(run=_run, save=None, plot=None, json=False)
 
 
 def _changes(args) -> list[tuple[str, float]]:
@@ -64,8 +67,9 @@ def _changes(args) -> list[tuple[str, float]]:
 
 
 def _words(case: dict, names) -> str:
-    """The named parameters of a case with their units."""
-    return ", ".join(f"{n} = {case[n]:g} {PARAMETERS[n].unit}".rstrip() for n in names)
+    """The named parameters of a case, in words and with their units."""
+    said = {name: re.split(r",| \(", PARAMETERS[name].meaning)[0] for name in names}
+    return ", ".join(f"{said[n]} = {case[n]:g} {PARAMETERS[n].unit}".rstrip() for n in names)
 
 
 def _glides(args, changes):
@@ -92,10 +96,22 @@ def _glides(args, changes):
     return glides, labels
 
 
-def _run(args) -> int:
-    import numpy as np
+def _computed(glides, labels) -> bool:
+    """Whether all glides were computed to their ends; those that were not are named."""
+    from ..glide import Outcome
 
-    out = args.out
+    outcomes = [Outcome(int(glide.outcome)) for glide in glides]
+    lost = [k for k, outcome in enumerate(outcomes) if outcome > Outcome.UNSTABLE_ROLL]
+    for k in lost:
+        name = "the glide" if len(glides) == 1 else f"the glide with {labels[k]}"
+        print(
+            f"jaxglide: {name} {outcomes[k]} at {float(glides[k].time):.6g} s", file=sys.stderr
+        )
+    return not lost
+
+
+def _run(args) -> int:
+    out = out_of(args, Path("glide.html"))
     if out.suffix not in _KINDS:
         raise UsageError(f"--out {out}: the name must end in {' or '.join(_KINDS)}")
     writable(out)
@@ -106,7 +122,10 @@ def _run(args) -> int:
     if out.suffix == ".mp4":
         view.check_path(out)
     glides, labels = _glides(args, changes)
-    named: dict = {"labels": labels if changes else ["glide"], "title": args.title}
+    labels = labels if changes else ["glide"]
+    if not _computed(glides, labels):
+        return 1
+    named: dict = {"labels": labels, "title": args.title}
     given = args.frames_per_second
     if out.suffix == ".html":
         view.view(glides, out, rate=60.0 if given is None else given, **named)
@@ -115,10 +134,10 @@ def _run(args) -> int:
     else:
         named |= {"frames_per_second": 20.0 if given is None else given}
         view.animate(glides, out, playback=args.playback, **named)
-    for glide, label in zip(glides, named["labels"], strict=True):
+    for glide, label in zip(glides, labels, strict=True):
         lines = str(glide).splitlines()
         print(lines[0] if not changes else f"{label}: {lines[0]}")
-    size = np.round(out.stat().st_size / 1e6, 2)
+    size = round(out.stat().st_size / 1e6, 2)
     hint = ": open it in a browser" if out.suffix == ".html" else ""
     print(f"wrote {out} ({size:g} MB){hint}")
     return 0

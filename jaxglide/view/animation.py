@@ -3,6 +3,7 @@
 import contextlib
 import io
 import itertools
+import re
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -181,5 +182,6 @@ def _write_mp4(path: Path, frames: Iterator[np.ndarray], frames_per_second: floa
         if code:
             words.seek(0)
             said = words.read().decode(errors="replace").strip().splitlines()
+            said = [re.sub(r"^\[.*?\] ", "", line) for line in said]
             reason = said[-1] if said else f"the encoder ended with code {code}"
             raise WriteError(f"cannot write {path}: {reason}")

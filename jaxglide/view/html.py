@@ -202,5 +202,7 @@ def _policy(style: str, boot: str) -> str:
 
     return (
         f"default-src 'none'; script-src {digest(boot)} blob:; style-src {digest(style)}; "
-        "img-src data: blob:; base-uri 'none'; form-action 'none'"
+        "img-src data: blob:; connect-src 'none'; frame-src 'none'; worker-src 'none'; "
+        "object-src 'none'; base-uri 'none'; form-action 'none'; webrtc 'block'; "
+        "require-trusted-types-for 'script'; trusted-types 'none'"
     )

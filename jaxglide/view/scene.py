@@ -76,7 +76,7 @@ class Scene:
         snake = glide.glider.snake
         sections, moving = _moving(glide, _times(float(glide.time), rate))
         return cls(
-            label=str(label),
+            label=as_text(label),
             ended=str(Outcome(int(glide.outcome))),
             svl=float(snake.length),
             head_fraction=float(snake.head_fraction),
@@ -217,7 +217,7 @@ def scenes_of(
     if labels is None:
         names = [f"glide {i + 1}" for i in range(len(several))] if several[1:] else ["glide"]
     else:
-        names = [str(label) for label in labels]
+        names = [as_text(label) for label in labels]
     if len(names) != len(several):
         raise ValueError(f"labels has {len(names)} for {len(several)} glides: one a glide")
     return [Scene.of(g, name, rate) for g, name in zip(several, names, strict=True)]
@@ -250,10 +250,15 @@ def _sizes(scene: Scene):
     return np.linalg.norm(scene.lift, axis=2), np.linalg.norm(scene.drag, axis=2)
 
 
+def as_text(text) -> str:
+    """The text, with halves of characters that stand alone, which no file holds, replaced."""
+    return str(text).encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+
+
 def title_of(glides: Glide | Sequence[Glide], title: str | None) -> str:
     """The title given, or one that says from where the glides start."""
     if title is not None:
-        return str(title)
+        return as_text(title)
     several = [glides] if isinstance(glides, Glide) else list(glides)
     heights = sorted({f"{float(g.launch.height):g} m" for g in several})
     words = "A glide" if len(several) == 1 else f"{len(several)} glides"

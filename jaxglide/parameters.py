@@ -76,6 +76,9 @@ SOLVER: dict[str, Parameter] = {
 HELD_SPEED = 1.7
 """Forward speed at which the published held glides start [m/s]."""
 
+HELD_TOLERANCE = 1e-8
+"""Relative and absolute tolerance of a held glide, whose end is differentiated."""
+
 TUNNEL: dict[str, Parameter] = {
     "yaw": Parameter("deg", 0.0, "held yaw", -85, 85, True, True),
     "pitch": Parameter("deg", 0.0, "held pitch", -85, 85, True, True),

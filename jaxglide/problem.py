@@ -13,10 +13,8 @@ import numpy as np
 from ._checks import check_range
 from .cases import build, check_parameters, check_setup
 from .objectives import Constraint, Objective, Trial
+from .parameters import GRADIENT_SETUP as SETUP
 from .parameters import OBSERVED
-
-SETUP = {"polar": "smooth", "node_set": "gauss"}
-"""What gradients are taken on unless told otherwise."""
 
 _LANES = 16  # points per core in one batch
 
@@ -54,7 +52,7 @@ class Problem:
             ranges observed in flight.
         constraints: inequalities to meet.
         fixed: values of other parameters.
-        setup: "polar", "node_set", "nodes"; smooth polar and Gauss nodes by default.
+        setup: "polar", "node_set", "nodes"; smooth polar, Gauss nodes where not given.
         rtol, atol: tolerances of the glides.
         max_time: longest flight [s].
 
@@ -98,7 +96,7 @@ class Problem:
         set_(self, "free", bounds)
         set_(self, "fixed", fixed)
         set_(self, "constraints", tuple(self.constraints))
-        set_(self, "setup", check_setup(SETUP if self.setup is None else self.setup))
+        set_(self, "setup", check_setup(SETUP | dict(self.setup or {})))
 
     @property
     def names(self) -> tuple[str, ...]:

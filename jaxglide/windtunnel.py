@@ -329,7 +329,7 @@ def fall(
     angles=(0.0, 0.0, 0.0),
     phases: int = FORCE_PHASES,
     interval: float = 0.025,
-    max_time: float = 5.0,
+    max_time: float = 10.0,
     rtol: float = 1e-8,
     atol: float = 1e-8,
 ) -> Fall:

@@ -166,7 +166,7 @@ def test_usage_errors(capsys, arguments, message):
 
 
 def test_json_has_null_for_what_is_not_a_number(capsys):
-    print_json({"a": np.float64("nan"), "b": [1.5, {"c": (float("inf"), True)}], "d": "nan"})
+    print_json({"a": np.float64("nan"), "b": [1.5, {"c": [float("inf"), True]}], "d": "nan"})
     expected = {"a": None, "b": [1.5, {"c": [None, True]}], "d": "nan"}
     assert json.loads(capsys.readouterr().out, parse_constant=pytest.fail) == expected
 

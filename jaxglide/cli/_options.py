@@ -82,10 +82,18 @@ def print_json(result: dict) -> None:
     print(json.dumps(_with_nulls(result), allow_nan=False))
 
 
+def missing(result: dict) -> int:
+    """Exit code: 1, with a sentence on standard error, where a number asked for is none."""
+    names = [name for name, value in result.items() if value != _with_nulls(value)]
+    if names:
+        print(f"jaxglide: not a number: {', '.join(names)}", file=sys.stderr)
+    return int(bool(names))
+
+
 def _with_nulls(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _with_nulls(inner) for name, inner in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list):
         return [_with_nulls(inner) for inner in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
@@ -120,19 +128,23 @@ def add_number(group, name: str, p: Parameter, default: float | None = None) -> 
     )
 
 
-def check_ranges(args) -> None:
-    """Raise `ValueError` for a number given out of range, by its option as typed."""
+def check_number(option: str, value: float, p: Parameter) -> float:
+    """The value of an option; `ValueError` where it is out of range."""
     from .._checks import check_integer, check_range
 
+    if isinstance(value, int):
+        check_integer(option, value, int(p.low), int(p.high))
+    else:
+        ends = {"low_open": p.low_open, "high_open": p.high_open}
+        check_range(option, value, p.unit, p.low, p.high, **ends)
+    return value
+
+
+def check_ranges(args) -> None:
+    """Raise `ValueError` for a number given out of range, by its option as typed."""
     for name, option in args.given.items():
-        p, value = _RANGES.get(name), getattr(args, name)
-        if p is None:
-            continue
-        if isinstance(value, int):
-            check_integer(option, value, int(p.low), int(p.high))
-        else:
-            ends = {"low_open": p.low_open, "high_open": p.high_open}
-            check_range(option, value, p.unit, p.low, p.high, **ends)
+        if name in _RANGES:
+            check_number(option, getattr(args, name), _RANGES[name])
 
 
 def add_tolerances(parser: argparse.ArgumentParser) -> None:
@@ -182,12 +194,14 @@ def add_setup(parser: argparse.ArgumentParser, **defaults: str) -> None:
     group.add_argument("--nodes", type=whole, metavar="N", help="nodes (70; gauss: 60)")
 
 
-def add_glider(parser: argparse.ArgumentParser, **defaults: str) -> None:
+def add_glider(parser: argparse.ArgumentParser, held: bool = False) -> None:
+    """Glider and launch; a held glide stays in the plane y, z and has no heading."""
     for title, names in _GROUPS.items():
         group = parser.add_argument_group(title)
         for name in names:
-            add_number(group, name, PARAMETERS[name])
-    add_setup(parser, **defaults)
+            if not (held and name == "heading"):
+                add_number(group, name, PARAMETERS[name])
+    add_setup(parser)
 
 
 def add_objective(parser: argparse.ArgumentParser) -> None:
@@ -217,7 +231,7 @@ def _pair(option: str, text: str) -> tuple[str, float]:
 
 def case_of(args) -> dict[str, float]:
     """The glider's and launch's parameters given on the command line, by name."""
-    given = {name: getattr(args, name) for name in PARAMETERS}
+    given = {name: getattr(args, name, None) for name in PARAMETERS}
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -226,27 +240,13 @@ def setup_of(args) -> dict:
     return {name: getattr(args, name) for name in (*CHOICES, "nodes")}
 
 
-def build_from(args):
-    """Glider and launch given on the command line, checked."""
+def build_from(args, **defaults: float):
+    """Glider and launch given on the command line, checked; `defaults` where not given."""
     from ..cases import build, check_parameters, check_setup
 
-    case = case_of(args)
+    case = defaults | case_of(args)
     check_parameters(case)
     return build(case, check_setup(setup_of(args)))
-
-
-def build_held(args):
-    """The same for a held glide, which starts at the published speed unless told otherwise."""
-    import equinox as eqx
-    import jax.numpy as jnp
-
-    from ..windtunnel import PUBLISHED_LAUNCH
-
-    glider, launch = build_from(args)
-    if args.speed is None:
-        speed = jnp.asarray(PUBLISHED_LAUNCH[1])
-        launch = eqx.tree_at(lambda x: x.speed, launch, speed, is_leaf=lambda x: x is None)
-    return glider, launch
 
 
 def writable(*paths: Path | None) -> None:

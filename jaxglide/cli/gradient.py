@@ -1,6 +1,6 @@
 """`jaxglide gradient`."""
 
-from ..parameters import PARAMETERS
+from ..parameters import GRADIENT_SETUP, PARAMETERS
 from ._options import add_objective, add_output, add_setup, fixed_of, print_json, setup_of
 
 
@@ -13,7 +13,7 @@ def add(commands) -> None:
         "their units, beside central differences of glides solved at 1e-11.",
     )
     add_objective(parser)
-    add_setup(parser, polar="smooth", node_set="gauss")
+    add_setup(parser, **GRADIENT_SETUP)
     add_output(parser, save=False, plot=False)
     parser.set_defaults(run=_run)
 

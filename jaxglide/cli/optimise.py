@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..parameters import OBSERVED, PARAMETERS
+from ..parameters import GRADIENT_SETUP, OBSERVED, PARAMETERS
 from ._options import (
     UsageError,
     a_number,
@@ -61,7 +61,7 @@ def add(commands) -> None:
     text = "keep evaluations here; the same command goes on from them"
     group.add_argument("--log", type=Path, metavar="FILE", help=text)
     group.add_argument("--rtol", type=a_number, default=1e-7, help="tolerance of a step (1e-7)")
-    add_setup(parser, polar="smooth", node_set="gauss")
+    add_setup(parser, **GRADIENT_SETUP)
     add_output(parser, endings=("", "_paths", "_glides"))
     parser.set_defaults(run=_run)
 

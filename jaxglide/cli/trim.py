@@ -1,13 +1,16 @@
 """`jaxglide trim`."""
 
-from ..parameters import OBSERVED
+from ..parameters import HELD_SPEED, OBSERVED, PARAMETERS
 from ._options import (
     UsageError,
     a_number,
     add_glider,
     add_output,
-    build_held,
+    build_from,
+    check_number,
+    missing,
     print_json,
+    refuse,
     write,
 )
 
@@ -19,11 +22,12 @@ def add(commands) -> None:
         help="find the bend, or another gait parameter, without pitch moment",
         description="Find the value of a gait parameter at which the pitch moment, averaged "
         "over the phases of the waves at the end of a held glide, vanishes. Without --speed "
-        "the glide starts at the published 1.7 m/s.",
+        "the glide starts at the published 1.7 m/s, without --polar it is flown on the "
+        "published polar, as by `jaxglide windtunnel`.",
         epilog="Exit code: 0 for a trim, 1 if the moment does not change sign in the range, 2 "
         "for wrong input.",
     )
-    add_glider(trim, polar="smooth")
+    add_glider(trim, held=True)
     group = trim.add_argument_group("trim")
     group.add_argument(
         "--parameter", choices=(*OBSERVED, "d_theta"), default="d_psi", help="(d_psi)"
@@ -35,24 +39,30 @@ def add(commands) -> None:
     trim.set_defaults(run=_run)
 
 
+def _bounds(args) -> tuple[float, float]:
+    """The range to scan, in the parameter's unit."""
+    name = args.parameter
+    low, high = (-20.0, 20.0) if name in ("d_psi", "d_theta") else OBSERVED[name]
+    if args.low is not None:
+        low = check_number("--low", args.low, PARAMETERS[name])
+    if args.high is not None:
+        high = check_number("--high", args.high, PARAMETERS[name])
+    if low >= high:
+        raise UsageError(f"--low {low:g} is not below --high {high:g}")
+    return low, high
+
+
 def _run(args) -> int:
     import numpy as np
 
-    from ..cases import check_parameters
-    from ..parameters import PARAMETERS
     from ..trim import trim
 
     name = args.parameter
-    symmetric = name in ("d_psi", "d_theta")
-    low, high = (-20.0, 20.0) if symmetric else OBSERVED[name]
-    low = low if args.low is None else args.low
-    high = high if args.high is None else args.high
-    check_parameters({name: np.array([low, high])})
-    if low >= high:
-        raise UsageError(f"--low {low:g} is not below --high {high:g}")
+    refuse(args, (name,), f"{name} is what trim looks for, between --low and --high")
+    low, high = _bounds(args)
     unit = PARAMETERS[name].unit
     factor = np.pi / 180 if unit.startswith("deg") else 1.0
-    glider, launch = build_held(args)
+    glider, launch = build_from(args, speed=HELD_SPEED)
     found = trim(glider, name, (factor * low, factor * high), launch=launch)
     value = float(found.value) / factor
 
@@ -64,21 +74,23 @@ def _run(args) -> int:
     write(None, figure, args)
     scanned = np.asarray(found.scanned) / factor
     moments = 1e3 * np.asarray(found.moments)
+    result = {
+        "parameter": name,
+        "unit": unit,
+        "value": value if found.found else None,
+        "moment_N_mm": 1e3 * float(found.moment) if found.found else None,
+        "crossings": int(found.crossings),
+        "scanned": scanned.tolist(),
+        "moments_N_mm": moments.tolist(),
+    }
     if args.json:
-        result = {
-            "parameter": name,
-            "unit": unit,
-            "value": value if found.found else None,
-            "moment_N_mm": 1e3 * float(found.moment) if found.found else None,
-            "crossings": int(found.crossings),
-            "scanned": scanned.tolist(),
-            "moments_N_mm": moments.tolist(),
-        }
         print_json(result)
-        return int(not found.found)
+        return missing(result) or int(not found.found)
     print(f"{name + ' (' + (unit or '1') + ')':>20}  mean pitch moment (N mm)")
     for at, moment in zip(scanned, moments, strict=True):
         print(f"{at:20.3f}  {moment:+.4f}")
+    if missing(result):
+        return 1
     if not found.found:
         print(f"no trim: the moment does not change sign between {low:g} and {high:g} {unit}")
         return 1

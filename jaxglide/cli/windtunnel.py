@@ -1,18 +1,24 @@
 """`jaxglide windtunnel`."""
 
+import sys
+
+from ..parameters import HELD_SPEED, HELD_TOLERANCE, PARAMETERS, TUNNEL
 from ._options import (
-    a_number,
     add_glider,
+    add_number,
     add_output,
-    build_held,
+    build_from,
     case_of,
+    missing,
     print_json,
+    refuse,
     setup_of,
-    whole,
     write,
 )
 
 _TURNS = ("yaw", "pitch", "roll")
+_STILL = 1e-12
+"""Peak-to-peak below this share of force times length is round-off."""
 
 
 def add(commands) -> None:
@@ -22,23 +28,15 @@ def add(commands) -> None:
         help="hold the attitude, let the snake fall, read the moments",
         description="Let the snake fall with its attitude held, and read the moments of the "
         "air and of its own inertia over the phases of its waves at the ground. Without "
-        "--speed it starts at the published 1.7 m/s.",
+        "--speed it starts at the published 1.7 m/s, without --polar on the published polar.",
         epilog="Derivatives are those of the phase-averaged pitch moment at the velocity and "
         "attitude at the ground. Moments are positive nose up, right side down, nose left. "
         "Exit code: 0, or 1 if the snake did not reach the ground, 2 for wrong input.",
     )
-    add_glider(tunnel)
+    add_glider(tunnel, held=True)
     group = tunnel.add_argument_group("tunnel")
-    for turn in _TURNS:
-        text = f"held {turn} [deg] (0)"
-        group.add_argument(f"--{turn}", type=a_number, default=0.0, metavar="X", help=text)
-    group.add_argument("--phases", type=whole, default=60, metavar="N", help="phases (60)")
-    group.add_argument(
-        "--interval", type=a_number, default=0.025, metavar="X", help="of records [s] (0.025)"
-    )
-    group.add_argument(
-        "--max-time", type=a_number, default=10.0, metavar="X", help="longest fall [s] (10)"
-    )
+    for name, p in TUNNEL.items():
+        add_number(group, name, p, default=p.default)
     add_output(tunnel)
     tunnel.set_defaults(run=_run)
 
@@ -49,73 +47,114 @@ def _run(args) -> int:
     from .. import windtunnel as tunnel
     from ..glide import Outcome
     from ..glide_polar import equilibrium
-    from ..parameters import PARAMETERS
-    from ..survey import ABOUT, survey
-    from ..trim import GAIT_PARAMETERS, derivatives
+    from ..trim import derivatives
 
-    glider, launch = build_held(args)
+    if args.save is None and args.plot is None:
+        refuse(args, ("interval",), "records are kept with --save or --plot only")
+    glider, launch = build_from(args, speed=HELD_SPEED)
     angles = np.deg2rad([getattr(args, turn) for turn in _TURNS])
-    options = {"interval": args.interval, "max_time": args.max_time}
-    fallen = tunnel.fall(glider, launch, angles=angles, **options)
-    read = tunnel.loads_at_end(fallen, args.phases)
-    y, z, v_y, v_z = (float(value) for value in fallen.state)
-    slopes = derivatives(
-        glider, [0.0, v_y, v_z], angles, time=float(fallen.time), phases=args.phases
-    )
-    steady = equilibrium(glider, angles)
-    air, shape = tunnel.over_phases(read.aerodynamic), tunnel.over_phases(read.inertial)
+    options = {"angles": angles, "interval": args.interval, "max_time": args.max_time}
+    tolerances = {"rtol": HELD_TOLERANCE, "atol": HELD_TOLERANCE}
+    fallen = tunnel.fall(glider, launch, **options, **tolerances)
     outcome = Outcome(int(fallen.outcome))
-
-    def per_degree(name):
-        unit = PARAMETERS[name].unit
-        value = 1e3 * float(getattr(slopes.by_gait, name)[tunnel.PITCH])
-        return (np.deg2rad(value), "deg") if unit.startswith("deg") else (value, unit or "1")
-
-    effects = {"pitch": (np.deg2rad(1e3 * float(slopes.pitch_stiffness)), "deg")}
-    effects |= {name: per_degree(name) for name in GAIT_PARAMETERS}
+    velocity = np.array([0.0, *np.asarray(fallen.state)[2:]])
+    held = {"time": float(fallen.time), "phases": args.phases}
+    steady = equilibrium(glider, angles)
+    result = {
+        "outcome": str(outcome),
+        "time": float(fallen.time),
+        "position": np.asarray(fallen.state)[:2].tolist(),
+        "velocity": velocity[1:].tolist(),
+        **_moments(tunnel.loads_at_end(fallen, args.phases), float(glider.snake.length)),
+        "pitch_moment_derivatives_N_mm_per_unit": _effects(
+            derivatives(glider, velocity, angles, **held)
+        ),
+        "equilibrium": np.asarray(steady.velocity).tolist() if steady.found else None,
+    }
 
     def data():
         from ..study import Study
+        from ..survey import survey
 
-        study = Study(cases={"speed": [1.7]} | case_of(args), setup=setup_of(args))
-        return survey(study, phases=args.phases, angles=angles, **options)
+        cases = {"speed": [HELD_SPEED]} | case_of(args)
+        study = Study(cases=cases, setup=setup_of(args), **tolerances)
+        return survey(study, phases=args.phases, **options)
 
     def figure():
         from ..plot import moments_in_time
 
         return moments_in_time(data(), 0)
 
-    if outcome == Outcome.LANDED:
+    landed = outcome == Outcome.LANDED
+    if landed:
         write(data, figure, args)
     if args.json:
-        moments = {
-            turn: {
-                "mean": 1e3 * float(air.mean[i]),
-                "lowest": 1e3 * float(air.lowest[i]),
-                "highest": 1e3 * float(air.highest[i]),
-                "peak_to_peak": 1e3 * float(air.peak_to_peak[i]),
-                "inertial_peak_to_peak": 1e3 * float(shape.peak_to_peak[i]),
-                "inertial_ratio": float(read.inertial_ratio[i]),
-            }
-            for i, turn in enumerate(ABOUT)
-        }
-        result = {
-            "outcome": str(outcome),
-            "time": float(fallen.time),
-            "position": [y, z],
-            "velocity": [v_y, v_z],
-            "moments_N_mm": moments,
-            "pitch_moment_derivatives_N_mm_per_unit": {
-                name: {"value": float(value), "unit": unit}
-                for name, (value, unit) in effects.items()
-            },
-            "equilibrium": np.asarray(steady.velocity).tolist() if steady.found else None,
-        }
         print_json(result)
-        return int(outcome != Outcome.LANDED)
+    else:
+        _print(result, steady, float(launch.height), args.phases)
+    if not landed:
+        print(f"jaxglide: the held glide {outcome}: no file was written", file=sys.stderr)
+    return missing(result) or int(not landed)
+
+
+def _moments(read, length: float) -> dict:
+    """Statistics over phases of the moments of `Loads` [N mm], by turn."""
+    import numpy as np
+
+    from ..survey import ABOUT
+    from ..windtunnel import over_phases
+
+    air, shape = over_phases(read.aerodynamic), over_phases(read.inertial)
+    still = _STILL * length * float(np.abs(read.force).max())
+    table = {
+        turn: {
+            "mean": 1e3 * float(air.mean[i]),
+            "lowest": 1e3 * float(air.lowest[i]),
+            "highest": 1e3 * float(air.highest[i]),
+            "peak_to_peak": 1e3 * float(air.peak_to_peak[i]),
+            "inertial_peak_to_peak": 1e3 * float(shape.peak_to_peak[i]),
+            "inertial_ratio": None
+            if air.peak_to_peak[i] <= still
+            else float(shape.peak_to_peak[i] / air.peak_to_peak[i]),
+        }
+        for i, turn in enumerate(ABOUT)
+    }
+    result: dict = {"moments_N_mm": table}
+    undefined = [turn for turn, row in table.items() if row["inertial_ratio"] is None]
+    if undefined:
+        where = ", ".join(undefined)
+        why = "the moment of the air does not change over the phases"
+        result["note"] = f"no inertial ratio in {where}: {why}"
+    return result
+
+
+def _effects(slopes) -> dict:
+    """Derivatives of the pitch moment [N mm per unit], by attitude and gait."""
+    import numpy as np
+
+    from ..trim import GAIT_PARAMETERS
+    from ..windtunnel import PITCH
+
+    rates = {"pitch": (slopes.pitch_stiffness, "deg")}
+    for name in GAIT_PARAMETERS:
+        rates[name] = getattr(slopes.by_gait, name)[PITCH], PARAMETERS[name].unit
+    effects = {}
+    for name, (rate, unit) in rates.items():
+        angle = unit.startswith("deg")
+        value = 1e3 * float(rate)
+        effects[name] = {
+            "value": float(np.deg2rad(value)) if angle else value,
+            "unit": "deg" if angle else unit or "1",
+        }
+    return effects
+
+
+def _print(result: dict, steady, height: float, phases: int) -> None:
+    import numpy as np
+
+    (y, z), (v_y, v_z) = result["position"], result["velocity"]
     print(
-        f"Held glide from {float(launch.height):g} m: {outcome} "
-        f"after {float(fallen.time):.4f} s\n"
+        f"Held glide from {height:g} m: {result['outcome']} after {result['time']:.4f} s\n"
         f"  end              y {y:.4f}   z {z:.4f} m\n"
         f"  velocity         v_y {v_y:.4f}   v_z {v_z:.4f} m/s, "
         f"{np.rad2deg(np.arctan2(-v_z, v_y)):.2f} deg below the horizontal"
@@ -129,15 +168,15 @@ def _run(args) -> int:
         )
     else:
         print("  steady glide     none found")
-    print(f"Moments there over {args.phases} phases (N mm)")
+    print(f"Moments there over {phases} phases (N mm)")
     heads = "".join(f"{head:>9}" for head in ("mean", "lowest", "highest", "p-p"))
     print(f"{'':8}{heads}{'inertial p-p':>14}{'ratio':>8}")
-    for i, turn in enumerate(ABOUT):
-        values = (air.mean, air.lowest, air.highest, air.peak_to_peak)
-        cells = "".join(f"{1e3 * float(v[i]):9.4f}" for v in values)
-        inertial = f"{1e3 * float(shape.peak_to_peak[i]):14.4f}"
-        print(f"{turn:8}{cells}{inertial}{float(read.inertial_ratio[i]):8.2f}")
+    for turn, row in result["moments_N_mm"].items():
+        *values, inertial, ratio = row.values()
+        cells = "".join(f"{value:9.4f}" for value in values)
+        print(f"{turn:8}{cells}{inertial:14.4f}{'-' if ratio is None else f'{ratio:.2f}':>8}")
+    if "note" in result:
+        print(f"  {result['note']}")
     print("Derivatives of the mean pitch moment")
-    for name, (value, unit) in effects.items():
-        print(f"  {name:10}{value:12.6f} N mm/{unit}")
-    return int(outcome != Outcome.LANDED)
+    for name, effect in result["pitch_moment_derivatives_N_mm_per_unit"].items():
+        print(f"  {name:10}{effect['value']:12.6f} N mm/{effect['unit']}")

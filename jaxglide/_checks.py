@@ -98,7 +98,7 @@ def check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
 
 
 def warn_float32(rtol: Any, atol: Any, dtype: Any = None) -> None:
-    """Warn, at the line that called the package, of tolerances too tight for float32.
+    """Warn, at the line that first called the package, of tolerances too tight for float32.
 
     Python shows a warning of one text and line once, however often it is given.
 
@@ -109,9 +109,12 @@ def warn_float32(rtol: Any, atol: Any, dtype: Any = None) -> None:
     dtype = jnp.result_type(float) if dtype is None else dtype
     if dtype != jnp.float32 or is_traced(rtol) or is_traced(atol) or min(rtol, atol) >= 1e-5:
         return
-    package, frame, level = Path(__file__).parent, sys._getframe(1), 2
-    while frame.f_back and package in Path(frame.f_code.co_filename).parents:
-        frame, level = frame.f_back, level + 1
+    # JAX's own frames may stand between two of the package's.
+    package, frame, depth, level = Path(__file__).parent, sys._getframe(), 1, 2
+    while frame:
+        if package in Path(frame.f_code.co_filename).parents:
+            level = depth + 1
+        frame, depth = frame.f_back, depth + 1
     warnings.warn(
         f"rtol = {rtol:g}, atol = {atol:g} are too tight for float32, whose steps cannot "
         "be that exact: call jax.config.update('jax_enable_x64', True) first, or use "

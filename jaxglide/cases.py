@@ -1,5 +1,6 @@
 """From named values in the units people read to a glider and its launch (floor 4)."""
 
+import reprlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -81,17 +82,28 @@ def build(case: Mapping[str, Any], setup: Mapping[str, Any]) -> tuple[Glider, La
     return glider, launch
 
 
-def as_array(name: str, values: Any) -> np.ndarray:
-    """Values of a parameter as a float array (N,), checked.
-
-    Raises:
-        ValueError: not one-dimensional, empty, or a value out of range.
-    """
+def _numeric(name: str, values: Any, kind: str) -> np.ndarray:
+    """A float array of its own; `ValueError` for texts, booleans and uneven lists."""
     try:
-        array = np.atleast_1d(np.asarray(values, dtype=float))
+        array = np.asarray(values)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} = {values!r} is not a list of numbers") from None
-    if array.ndim != 1 or array.size == 0:
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name} = {reprlib.repr(values)} is not {kind}")
+    return array.astype(float)
+
+
+def as_array(name: str, values: Any) -> np.ndarray:
+    """Values as a float array (N,); `ValueError` where they are not a list of numbers."""
+    array = _numeric(name, values, "a list of numbers")
+    if array.ndim > 1 or array.size == 0:
         raise ValueError(f"{name} must be a list of numbers, not empty")
-    check_parameters({name: array})
-    return array
+    return np.atleast_1d(array)
+
+
+def as_number(name: str, value: Any) -> float:
+    """A value as Python's float; `ValueError` where it is not one number."""
+    array = _numeric(name, value, "a number")
+    if array.ndim:
+        raise ValueError(f"{name} = {reprlib.repr(value)} is not one number")
+    return float(array)

@@ -67,6 +67,9 @@ TOLERANCE = 1e-6
 MAX_TIME = 60.0
 """Longest flight [s]."""
 
+MAX_STEPS = 100_000
+"""Most steps of the solver, rejected ones included."""
+
 SOLVER: dict[str, Parameter] = {
     "rtol": Parameter("", TOLERANCE, "relative tolerance", 0, 0.1, True),
     "atol": Parameter("", TOLERANCE, "absolute tolerance", 0, 0.1, True),

@@ -9,6 +9,7 @@ import xarray as xr
 
 from .gait import shape_line
 from .glide import Outcome
+from .parameters import TOLERANCE
 from .study import Study
 from .sweep import sweep
 
@@ -52,7 +53,7 @@ def regions() -> np.ndarray:
     return np.where(np.abs(offset) <= 2, "observed", names)
 
 
-def shape_study(height: float = 10.0, *, rtol: float = 1e-6, atol: float = 1e-6) -> Study:
+def shape_study(height: float = 10.0, *, rtol=TOLERANCE, atol=TOLERANCE) -> Study:
     """The 121 published shapes, frozen (0 Hz) and undulating (1.2 Hz).
 
     Args:
@@ -63,7 +64,9 @@ def shape_study(height: float = 10.0, *, rtol: float = 1e-6, atol: float = 1e-6)
     return Study(grid, fixed={"height": height}, rtol=rtol, atol=atol)
 
 
-def shape_space(height: float = 10.0, *, rtol=1e-6, atol=1e-6, **options) -> xr.Dataset:
+def shape_space(
+    height: float = 10.0, *, rtol=TOLERANCE, atol=TOLERANCE, **options
+) -> xr.Dataset:
     """Fly the published shape space.
 
     Args:

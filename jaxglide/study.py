@@ -1,10 +1,9 @@
 """What a sweep is to compute: cases, what is fixed, and how to solve (floor 5)."""
 
 import hashlib
-import itertools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from ._checks import check_integer, check_range
-from .cases import as_array, check_parameters, check_setup
-from .parameters import PARAMETERS
+from ._study_file import Span, read_study_file
+from .cases import as_array, as_number, check_parameters, check_setup
+from .parameters import MAX_STEPS, MAX_TIME, PARAMETERS, SOLVER, TOLERANCE
 
 MOST_CASES = 10**7
 """Most cases of one study."""
@@ -29,7 +29,19 @@ def check_number_of_cases(sizes: Mapping[str, int]) -> None:
         )
 
 
-@dataclass(frozen=True)
+def expanded(grid: Mapping[str, Sequence[float] | Span]) -> dict[str, Any]:
+    """A grid with its spans as values, which are made only where they are not too many."""
+    check_number_of_cases({name: len(values) for name, values in grid.items()})
+    found = {}
+    for name, values in grid.items():
+        if isinstance(values, Span):
+            check_parameters({name: (values.start, values.stop)})
+            values = values.values()
+        found[name] = values
+    return found
+
+
+@dataclass(frozen=True, eq=False)
 class Study:
     """A grid or a list of cases over any parameters of glider and launch.
 
@@ -54,43 +66,61 @@ class Study:
     cases: Mapping[str, Any] | None = None
     fixed: Mapping[str, float] = field(default_factory=dict)
     setup: Mapping[str, Any] = field(default_factory=dict)
-    rtol: float = 1e-6
-    atol: float = 1e-6
-    max_time: float = 60.0
-    max_steps: int = 100_000
+    rtol: float = TOLERANCE
+    atol: float = TOLERANCE
+    max_time: float = MAX_TIME
+    max_steps: int = MAX_STEPS
     times: Any = None
 
     def __post_init__(self):
+        """Check every value, and keep it as Python's or NumPy's plain kind."""
         if (self.grid is None) == (self.cases is None):
             raise ValueError("a study has either a grid or cases")
-        varied = self.grid if self.cases is None else self.cases
-        assert varied is not None
+        kind = "grid" if self.cases is None else "cases"
+        for name in (kind, "fixed", "setup"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise ValueError(f"{name} = {getattr(self, name)!r} is not values by name")
+        varied = getattr(self, kind)
         if not varied:
             raise ValueError("a study varies at least one parameter")
         arrays = {name: as_array(name, values) for name, values in varied.items()}
+        check_parameters(arrays)
         sizes = {name: array.size for name, array in arrays.items()}
         if self.cases is not None and len(set(sizes.values())) > 1:
             said = ", ".join(f"{name} {size}" for name, size in sizes.items())
             raise ValueError(f"cases differ in length: {said}")
         check_number_of_cases(sizes if self.cases is None else {"case": max(sizes.values())})
-        check_parameters(self.fixed)
-        for name in self.fixed:
+        fixed = {name: as_number(name, value) for name, value in self.fixed.items()}
+        check_parameters(fixed)
+        for name in fixed:
             if name in arrays:
                 raise ValueError(f"{name} is both varied and fixed")
-        for name in ("rtol", "atol"):
-            check_range(name, getattr(self, name), "", 0, 0.1, low_open=True)
-        check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True)
+        solver = {name: as_number(name, getattr(self, name)) for name in (*SOLVER, "max_time")}
+        for name, p in SOLVER.items():
+            check_range(name, solver[name], p.unit, p.low, p.high, low_open=p.low_open)
+        check_range("max_time", solver["max_time"], "s", 0, 1e4, low_open=True)
         check_integer("max_steps", self.max_steps, 1, 10**9)
-        times = None if self.times is None else tuple(map(float, np.atleast_1d(self.times)))
-        if times is not None:
-            check_range("times", times, "s", 0, self.max_time)
-            if any(b < a for a, b in itertools.pairwise(times)):
-                raise ValueError("times must increase")
-        set_ = object.__setattr__
-        set_(self, "grid" if self.cases is None else "cases", arrays)
-        set_(self, "fixed", {name: float(value) for name, value in self.fixed.items()})
-        set_(self, "setup", check_setup(self.setup))
-        set_(self, "times", times)
+        plain = {kind: arrays, "fixed": fixed, "setup": check_setup(self.setup), **solver}
+        plain |= {"max_steps": int(self.max_steps), "times": self._kept_times(solver)}
+        for name, value in plain.items():
+            object.__setattr__(self, name, value)
+
+    def _kept_times(self, solver: Mapping[str, float]) -> tuple[float, ...] | None:
+        if self.times is None:
+            return None
+        times = as_array("times", self.times)
+        check_range("times", times, "s", 0, solver["max_time"])
+        if np.any(np.diff(times) < 0):
+            raise ValueError("times must increase")
+        return tuple(times.tolist())
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Study):
+            return NotImplemented
+        return self.to_json() == other.to_json()
+
+    def __hash__(self) -> int:
+        return hash(self.to_json())
 
     @property
     def varied(self) -> dict[str, np.ndarray]:
@@ -173,15 +203,11 @@ class Study:
             OSError: the file cannot be read.
         """
         from ._documents import about
-        from ._study_file import Span, read_study_file
 
         tables = read_study_file(path)
         solver = tables.pop("solver", {})
         grid = tables.get("grid", {})
         with about(path):
-            check_number_of_cases({name: len(values) for name, values in grid.items()})
-            for name, values in grid.items():
-                if isinstance(values, Span):
-                    check_parameters({name: (values.start, values.stop)})
-                    grid[name] = values.values()
+            if grid:
+                tables["grid"] = expanded(grid)
             return cls(**tables, **solver)

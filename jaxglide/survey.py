@@ -7,15 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ._checks import check_range
+from ._checks import check_range, warn_float32
 from .batch import spread
 from .cases import build
-from .parameters import PARAMETERS
+from .parameters import HELD_SPEED, MAX_STEPS, MAX_TIME, PARAMETERS
 from .records import stamp
 from .study import Study
 from .windtunnel import (
     MOMENT_PHASES,
-    PUBLISHED_LAUNCH,
     check_angles,
     fall,
     over_phases,
@@ -87,7 +86,8 @@ def survey(
 
     Args:
         study: what to drop; tolerances below 1e-6 pay for gradients only. Without a speed
-            the cases start at the published 1.7 m/s; its times and limits are not used.
+            the cases start at the published 1.7 m/s. Times and limits of its own, or a
+            heading, are refused: a survey has no use for them.
         phases: number of phases.
         interval: between records [s].
         max_time: longest fall [s].
@@ -101,11 +101,12 @@ def survey(
     Raises:
         ValueError: a wrong argument.
     """
+    _check_study(study)
     held = check_angles(angles, phases)
     check_range("interval", interval, "s", 1e-4, 10)
     check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True)
     given = study.columns(np.arange(len(study)))
-    columns = {"speed": np.full(len(study), PUBLISHED_LAUNCH[1]), **given}
+    columns = {"speed": np.full(len(study), HELD_SPEED), **given}
     devices, setup = tuple(jax.local_devices()), tuple(sorted(study.setup.items()))
     options = {
         "interval": float(interval),
@@ -134,6 +135,19 @@ def survey(
         "inertial_ratio": of_shape.peak_to_peak / of_air.peak_to_peak,
     }
     return _dataset(study, values, times, phases, options)
+
+
+def _check_study(study: Study) -> None:
+    """Refuse what a held glide has no use for; say where float32 is too coarse."""
+    for name, default in (("times", None), ("max_time", MAX_TIME), ("max_steps", MAX_STEPS)):
+        if getattr(study, name) != default:
+            raise ValueError(
+                f"{name} of the study has no effect on a survey: leave it out; `survey` takes "
+                "how long to fall and how often to record as max_time and interval"
+            )
+    if "heading" in study.varied or "heading" in study.fixed:
+        raise ValueError("heading has no effect on a survey: a held glide stays in a plane")
+    warn_float32(study.rtol, study.atol)
 
 
 def _dataset(study: Study, values, times, phases, options) -> xr.Dataset:

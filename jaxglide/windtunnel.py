@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ._checks import check_integer, check_range, number
+from ._checks import check_integer, check_range, is_traced, number, warn_float32
 from ._modes import either_mode
 from ._numerics import cross, sincos
 from ._types import Array, Float, Integer, Scalar, Vec3
@@ -322,6 +322,17 @@ def _dropped(glider, launch, angles, tolerances, interval, phases, samples, max_
     )
 
 
+def _check_launch(launch: Launch) -> None:
+    """Raise `ValueError` for what has no effect on a held glide."""
+    for name in ("phi_theta", "angles"):
+        if getattr(launch, name) is not None:
+            raise ValueError(
+                f"{name} of the launch has no effect on a held glide: leave it out"
+            )
+    if not is_traced(launch.heading) and np.any(launch.heading != 0):
+        raise ValueError("heading has no effect on a held glide, which stays in a plane")
+
+
 def fall(
     glider: Glider,
     launch: Launch | None = None,
@@ -339,8 +350,8 @@ def fall(
 
     Args:
         glider: what falls.
-        launch: height and velocity (its phase and angles are not used); by default
-            the published 10 m and 1.7 m/s.
+        launch: height, speed and elevation, and nothing else; by default the published
+            10 m and 1.7 m/s.
         angles: held yaw, pitch, roll [rad], (3,), below 85 degrees.
         phases: number of phases over which the force is averaged.
         interval: between records [s], 1e-4 to 10; published 0.025.
@@ -353,11 +364,13 @@ def fall(
     launch = Launch(*PUBLISHED_LAUNCH) if launch is None else launch
     for module in (glider.snake, glider.gait, glider.polar, glider.environment, launch):
         module.__check_init__()
+    _check_launch(launch)
     angles = check_angles(angles, phases)
     check_range("interval", interval, "s", 1e-4, 10)
     check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True)
     for name, value in (("rtol", rtol), ("atol", atol)):
         check_range(name, value, "", 0, 0.1, low_open=True)
+    warn_float32(rtol, atol, angles.dtype)
     samples = math.ceil(max_time / interval) + 1
     tolerances = (jnp.asarray(rtol, angles.dtype), jnp.asarray(atol, angles.dtype))
     step = jnp.asarray(interval, angles.dtype)
@@ -403,6 +416,7 @@ def loads_along(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:
     Returns:
         `Loads` of the whole body, (S, P, 3).
     """
+    check_integer("phases", phases, 1, 100_000)
     given = fallen.times, fallen.states
     return read_records(fallen.glider, fallen.angles, *given, phases)
 
@@ -410,6 +424,7 @@ def loads_along(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:
 @eqx.filter_jit
 def loads_at_end(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:
     """Forces and moments by phase at the end of a held glide, (P, 3)."""
+    check_integer("phases", phases, 1, 100_000)
     velocity = _velocity(fallen.state)
     sections = discretise(fallen.glider.snake)
     return _by_phase(fallen.glider, sections, velocity, fallen.angles, fallen.time, phases)

@@ -1,5 +1,6 @@
 """The command line, in process: options, files, errors, exit codes."""
 
+import inspect
 import json
 
 import numpy as np
@@ -247,8 +248,97 @@ def test_trim_prints_a_root_or_says_there_is_none(capsys, tmp_path):
     code, out, _ = run(capsys, "trim", "--height", "2", "--high", high)
     assert code == 1
     assert "no trim: the moment does not change sign" in out
-    code, _, err = run(capsys, "trim", "--low", "0", "--high", "0")
-    assert (code, err) == (2, "jaxglide: --low 0 is not below --high 0\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("windtunnel", "--phases=1"), "--phases = 1 is not allowed: it must be in [2, 3600]"),
+        (("windtunnel", "--phases=0"), "--phases = 0 is not allowed"),
+        (("windtunnel", "--phases=1000000000"), "--phases = 1000000000 is not allowed"),
+        (("windtunnel", "--pitch=85"), "--pitch = 85 deg is not allowed"),
+        (("windtunnel", "--max-time=0"), "--max-time = 0 s is not allowed"),
+        (("windtunnel", "--interval=0.1"), "--interval does not apply: records are kept with"),
+        (("windtunnel", "--heading=5"), "unrecognized arguments: --heading=5"),
+        (("trim", "--d-psi=5"), "--d-psi does not apply: d_psi is what trim looks for"),
+        (("trim", "--low=-181"), "--low = -181 deg/SVL is not allowed"),
+        (("trim", "--low=0", "--high=0"), "--low 0 is not below --high 0"),
+        (("shapes", "--height=0"), "--height = 0 m is not allowed"),
+    ],
+)
+def test_what_does_not_apply_is_refused(capsys, arguments, message):
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_a_ratio_over_no_moment_is_undefined_and_said_to_be(capsys):
+    calm = ("windtunnel", "--height", "1", "--phases", "6", "--lift-scale=0", "--drag-scale=0")
+    code, out, err = run(capsys, *calm, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out, parse_constant=pytest.fail)
+    ratios = {turn: row["inertial_ratio"] for turn, row in found["moments_N_mm"].items()}
+    assert ratios == {"pitch": None, "roll": None, "yaw": None}
+    assert found["moments_N_mm"]["yaw"]["inertial_peak_to_peak"] > 0
+    assert "moment of the air does not change" in found["note"]
+    code, out, err = run(capsys, *calm)
+    assert (code, err) == (0, "")
+    assert "nan" not in out
+    assert found["note"] in out
+
+
+def test_a_held_glide_that_does_not_land_is_a_failure(capsys, tmp_path):
+    save = tmp_path / "t.nc"
+    short = ("windtunnel", "--height", "1", "--phases", "6", "--max-time", "0.1")
+    code, out, err = run(capsys, *short, "--save", str(save))
+    assert code == 1
+    assert "ran out of time" in out
+    assert "no file was written" in err
+    assert not save.exists()
+
+
+def test_the_command_line_and_python_have_the_same_defaults():
+    """Options left out are the defaults of the functions that they reach."""
+    from jaxglide import published, survey, trim, windtunnel
+    from jaxglide.glide import simulate
+    from jaxglide.objectives import landing_distance
+    from jaxglide.parameters import HELD_SPEED, HELD_TOLERANCE, TUNNEL
+    from jaxglide.problem import Problem
+    from jaxglide.study import Study
+
+    def defaults(function):
+        given = inspect.signature(function).parameters.values()
+        return {p.name: p.default for p in given if p.default is not p.empty}
+
+    def parsed(*words):
+        return vars(cli._parser().parse_args(words))
+
+    plain, held, search = parsed("glide"), parsed("windtunnel"), parsed("gradient")
+    for function in (simulate, Study, published.shape_space, published.shape_study):
+        for name in ("rtol", "atol"):
+            assert defaults(function)[name] == plain[name], function
+    for words in (("shapes",), ("sweep",), ("view",)):
+        given = parsed(*words)
+        assert given["rtol"] == given["atol"] == plain["rtol"]
+    assert defaults(simulate)["max_time"] == defaults(Study)["max_time"]
+    assert defaults(simulate)["max_steps"] == defaults(Study)["max_steps"]
+    for name in ("interval", "max_time"):
+        assert defaults(windtunnel.fall)[name] == held[name] == TUNNEL[name].default
+        assert defaults(survey.survey)[name] == held[name]
+    reading = (windtunnel.loads, windtunnel.loads_at_end, survey.survey, trim.derivatives)
+    for function in reading:
+        assert defaults(function)["phases"] == held["phases"]
+    assert defaults(windtunnel.fall)["rtol"] == defaults(windtunnel.fall)["atol"]
+    assert defaults(windtunnel.fall)["rtol"] == HELD_TOLERANCE
+    assert (jg.Launch().height, HELD_SPEED) == windtunnel.PUBLISHED_LAUNCH
+    setups = [parsed(word) for word in ("glide", "windtunnel", "trim", "sweep", "view")]
+    study = Study({"svl": [0.7]})
+    assert {(s["polar"], s["node_set"]) for s in setups} == {("published", "published")}
+    assert (study.setup["polar"], study.setup["node_set"]) == ("published", "published")
+    problem = Problem(landing_distance, {"d_psi": (0, 1)})
+    for name in ("polar", "node_set"):
+        assert problem.setup[name] == search[name] == parsed("optimise")[name]
 
 
 @pytest.fixture
@@ -314,7 +404,16 @@ def test_a_sweep_that_could_not_compute_a_glide_exits_with_1(capsys, swept, extr
         (("study.toml", "--vary", "svl=1"), "not both"),
         (("--vary", "svl"), "is not NAME=a,b,c"),
         (("--vary", "svl=1:2:0"), "nor NAME=start:stop:count"),
-        (("--vary", "svl=1", "--fix", "height=1,2"), "--fix height takes one value"),
+        (("--vary", "svl=1", "--fix", "height=1,2"), "--fix 'height=1,2' is not NAME=VALUE"),
+        (("--vary", "svl=1", "--vary", "svl=2"), "--vary gives svl twice"),
+        (("--vary=svl=1", "--fix=mass=1", "--fix=mass=2"), "--fix gives mass twice"),
+        (("--vary", "svl=1", "--fix", "svl=1"), "svl is both varied and fixed"),
+        (("--vary", "svl=1:2:9999", "--vary", "mass=1:2:9999"), "svl 9999 x mass 9999"),
+        (("study.toml", "--polar", "smooth"), "--polar does not apply: study.toml decides it"),
+        (("study.toml", "--node-set=gauss"), "--node-set does not apply"),
+        (("study.toml", "--nodes=20"), "--nodes does not apply"),
+        (("study.toml", "--rtol=1e-6"), "--rtol does not apply"),
+        (("study.toml", "--atol=1e-6"), "--atol does not apply"),
         (("--vary", "svl=1", "--width", "0"), "--width = 0 is not allowed"),
         (("--vary", "svl=1", "--save", "s.zarr"), ".nc"),
     ],

@@ -1,14 +1,17 @@
 """Surveys in the wind tunnel: labels, agreement with single calls, published findings."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
 
-from jaxglide.cases import build
+from jaxglide import Launch
+from jaxglide.cases import build, check_setup
 from jaxglide.published import BENDS, NU_THETA, bending_study
 from jaxglide.study import Study
 from jaxglide.survey import survey
+from jaxglide.trim import trim
 from jaxglide.windtunnel import fall, loads, over_phases
 
 PITCH, ROLL, YAW = "pitch", "roll", "yaw"
@@ -91,6 +94,41 @@ def test_the_default_speed_is_the_published_one_and_a_given_one_counts():
 def test_bad_input_is_named(study, options, message):
     with pytest.raises(ValueError, match=message):
         survey(study, **options)
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [
+        ({"times": [0.1]}, "times"),
+        ({"max_time": 3.0}, "max_time"),
+        ({"max_steps": 99}, "max_steps"),
+        ({"fixed": {"heading": 5.0}}, "heading"),
+    ],
+)
+def test_what_a_survey_has_no_use_for_is_refused(given, name):
+    with pytest.raises(ValueError, match=f"^{name} (of the study )?has no effect on a survey"):
+        survey(Study({"svl": [0.7]}, **given))
+
+
+@pytest.mark.parametrize("given", [{"angles": (0, 0, 0)}, {"phi_theta": 1}, {"heading": 0.1}])
+def test_what_a_held_glide_has_no_use_for_is_refused(given):
+    glider = build({}, check_setup({}))[0]
+    with pytest.raises(ValueError, match=f"{next(iter(given))} .*no effect on a held glide"):
+        fall(glider, Launch(**given))
+
+
+def test_a_held_glide_in_float32_is_told_of():
+    with jax.enable_x64(False):
+        glider = build({}, check_setup({"nodes": 8}))[0]
+        for compute in (fall, trim):
+            with pytest.warns(UserWarning, match="too tight for float32") as said:
+                compute(glider, launch=Launch(0.01, 1.0), max_time=0.02)
+            assert {one.filename for one in said} == {__file__}
+        with (
+            pytest.warns(UserWarning, match="too tight"),
+            pytest.raises(ValueError, match="ph"),
+        ):
+            survey(Study({"svl": [0.7]}), phases=0)
 
 
 # --- the published findings, eleven shapes at psi_m = 20 degrees --------------------------

@@ -292,6 +292,34 @@ def test_every_part_of_a_study_is_kept_and_counts():
         assert Study.from_json(study.to_json()).to_json() == study.to_json()
 
 
+def test_studies_that_ask_the_same_are_equal():
+    one, same = (Study({"svl": [0.7, 0.8]}, fixed={"mass": 1}, times=[0, 1]) for _ in "ab")
+    assert one == same
+    assert {one: "kept"}[same] == "kept"
+    assert one != Study({"svl": [0.7, 0.8]}, fixed={"mass": 2}, times=[0, 1])
+    assert one != Study(cases={"svl": [0.7, 0.8]}, fixed={"mass": 1}, times=[0, 1])
+    assert one != "a study"
+
+
+def test_a_study_is_of_plain_numbers_whatever_it_was_given():
+    values = np.array([0.7], np.float32)
+    study = Study(
+        {"svl": values},
+        fixed={"height": np.int64(2)},
+        setup={"nodes": np.int64(71), "polar": np.str_("smooth")},
+        rtol=np.float32(1e-6),
+        atol=jax.numpy.asarray(1e-6),
+        max_time=np.int32(7),
+        max_steps=np.int16(99),
+        times=np.float32([0.5]),
+    )
+    values[0] = 0.1  # and nothing that is changed later changes it
+    again = Study.from_json(study.to_json())
+    assert again == study
+    assert study.varied["svl"] == pytest.approx([0.7])
+    assert (study.setup["nodes"], study.max_steps, study.times) == (71, 99, (0.5,))
+
+
 def test_limits_reach_the_solver(monkeypatch):
     given = {}
 
@@ -338,6 +366,18 @@ def test_every_parameter_reaches_its_place():
         ({"grid": {"svl": [1]}, "setup": {"nodes": 5}}, "nodes = 5"),
         ({"grid": {"svl": [1]}, "rtol": 0}, "rtol = 0"),
         ({"grid": {"svl": [1]}, "times": [1, 0.5]}, "times must increase"),
+        ({"grid": {"svl": [1]}, "times": []}, "times must be a list of numbers, not empty"),
+        ({"grid": {"svl": [1]}, "times": "1"}, "times = '1' is not a list of numbers"),
+        ({"grid": {"svl": [True]}}, r"svl = \[True\] is not a list of numbers"),
+        ({"grid": {"svl": ["1"]}}, "is not a list of numbers"),
+        ({"grid": {"svl": [[1], [1, 2]]}}, "is not a list of numbers"),
+        ({"grid": {"svl": [10**400]}}, "is not a list of numbers"),
+        ({"grid": ["svl"]}, r"grid = \['svl'\] is not values by name"),
+        ({"grid": {"svl": [1]}, "fixed": 1}, "fixed = 1 is not values by name"),
+        ({"grid": {"svl": [1]}, "fixed": {"height": [1, 2]}}, "is not one number"),
+        ({"grid": {"svl": [1]}, "fixed": {"height": "1"}}, "height = '1' is not a number"),
+        ({"grid": {"svl": [1]}, "rtol": [1e-6]}, "is not one number"),
+        ({"grid": {"svl": [1]}, "max_time": None}, "max_time = None is not a number"),
     ],
 )
 def test_wrong_studies(arguments, message):

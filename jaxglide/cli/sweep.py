@@ -2,13 +2,18 @@
 
 import time
 from pathlib import Path
+from typing import Any
 
+from ..parameters import CHOICES, SOLVER
 from ._options import (
     UsageError,
     add_output,
     add_setup,
     add_tolerances,
+    by_name,
+    fixed_of,
     print_json,
+    refuse,
     setup_of,
     whole,
     write,
@@ -45,8 +50,10 @@ def add(commands) -> None:
     sweep.set_defaults(run=_run)
 
 
-def _values(text: str) -> tuple[str, list[float]]:
-    """Name and values of NAME=a,b,c or NAME=start:stop:count."""
+def _varied(text: str) -> tuple[str, Any]:
+    """Name, and a list or span of values, of NAME=a,b,c or NAME=start:stop:count."""
+    from ..study import Span
+
     name, equals, values = text.partition("=")
     try:
         if not equals:
@@ -54,35 +61,36 @@ def _values(text: str) -> tuple[str, list[float]]:
         if ":" not in values:
             return name, [float(value) for value in values.split(",")]
         start, stop, count = values.split(":")
-        if not 1 <= int(count) <= 10**7:
+        if int(count) < 1:
             raise ValueError
-        step = (float(stop) - float(start)) / max(int(count) - 1, 1)
-        return name, [float(start) + step * i for i in range(int(count))]
+        return name, Span(float(start), float(stop), int(count))
     except ValueError:
         raise UsageError(f"{text!r} is not NAME=a,b,c nor NAME=start:stop:count") from None
+
+
+def _study(args):
+    """The study of the file or of the options; a file decides all that a study holds."""
+    from ..study import Study, expanded
+
+    if args.file is not None:
+        if args.vary or args.fix:
+            raise UsageError("give a study file or --vary and --fix, not both")
+        refuse(args, (*CHOICES, "nodes", *SOLVER), f"{args.file} decides it")
+        return Study.from_file(args.file)
+    if not args.vary:
+        raise UsageError("nothing to vary: give a study file or --vary NAME=VALUES")
+    grid = expanded(by_name("--vary", map(_varied, args.vary)))
+    setup = {"setup": setup_of(args), "rtol": args.rtol, "atol": args.atol}
+    return Study(grid, fixed=fixed_of(args), **setup)
 
 
 def _run(args) -> int:
     import numpy as np
 
     from ..glide import Outcome
-    from ..study import Study
     from ..sweep import sweep
 
-    if args.file is not None:
-        if args.vary or args.fix:
-            raise UsageError("give a study file or --vary and --fix, not both")
-        study = Study.from_file(args.file)
-    else:
-        if not args.vary:
-            raise UsageError("nothing to vary: give a study file or --vary NAME=VALUES")
-        fixed = {}
-        for name, values in map(_values, args.fix):
-            if len(values) != 1:
-                raise UsageError(f"--fix {name} takes one value")
-            fixed[name] = values[0]
-        grid = dict(map(_values, args.vary))
-        study = Study(grid, fixed=fixed, setup=setup_of(args), rtol=args.rtol, atol=args.atol)
+    study = _study(args)
     begin = time.perf_counter()
     data = sweep(study, args.store, width=args.width, cluster=args.cluster)
     took = time.perf_counter() - begin

@@ -156,7 +156,7 @@ def alone(path: str | Path, *, wait: bool = False) -> "Iterator[BaseFileLock]":
             lock.acquire()
         except Timeout:
             raise BusyError(f"another process is at work on {path}: wait for its end") from None
-        try:
-            yield lock
-        finally:
-            lock.release()
+    try:
+        yield lock
+    finally:
+        lock.release()

@@ -14,6 +14,9 @@ from .glide import Glide, simulate
 from .study import Study
 
 _CPU_LANES = 24  # per core: more do not pay for waiting for the slowest flight
+# Lanes per device are a multiple of this. Loops over other numbers end in a remainder that
+# the compiler may round otherwise: a glide's last bits would depend on its batch.
+_UNIT = 8
 _MAX_LANES = 65_536  # per GPU
 _LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
 
@@ -97,26 +100,23 @@ def _key(study: Study) -> tuple:
     return tuple(sorted(study.setup.items())), options, study.times
 
 
-def template(study: Study) -> dict[str, np.ndarray]:
-    """One result of every name with its shape and type, nothing computed."""
-    case = {name: jnp.zeros(()) for name in study.columns(np.zeros(1, int))}
-    shapes = jax.eval_shape(_one(*_key(study)), case, jnp.zeros(()), jnp.zeros(()))
-    return {name: np.zeros(s.shape, s.dtype) for name, s in shapes.items()}
-
-
 def default_width(study: Study) -> int:
     """Glides per batch: by cache on CPU cores, by memory on GPUs."""
     devices = jax.local_devices()
     if devices[0].platform == "cpu":
-        lanes = _CPU_LANES
+        most = _CPU_LANES
     else:
         memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
         states = 13 * len(study.times or ())
         per_lane = 8 * (_LIVE * study.setup["nodes"] + 20 * 13 + states)
-        lanes = int(min(_MAX_LANES, 0.5 * memory / per_lane))
+        most = max(_UNIT, int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT)
     # As many batches as that takes, all of one size: a last small one would cost as much.
-    batches = -(-len(study) // (lanes * len(devices)))
-    return len(devices) * -(-len(study) // (batches * len(devices)))
+    each = -(-len(study) // len(devices))
+    return len(devices) * _rounded(-(-each // -(-each // most)))
+
+
+def _rounded(lanes: int) -> int:
+    return -(-lanes // _UNIT) * _UNIT
 
 
 def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
@@ -129,8 +129,9 @@ def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
             function serves every batch of a study.
 
     Returns:
-        What `results` keeps, by name, each (n, ...).
+        What `results` keeps, by name, each (n, ...): to the bit the same whatever the batch.
     """
-    flier = _flier(*_key(study), tuple(jax.local_devices()))
+    devices = tuple(jax.local_devices())
+    lanes = len(devices) * _rounded(-(-width // len(devices)))
     tolerances = jnp.asarray(study.rtol), jnp.asarray(study.atol)
-    return flier(study.columns(index), width, *tolerances)
+    return _flier(*_key(study), devices)(study.columns(index), lanes, *tolerances)

@@ -1,70 +1,125 @@
 """A sweep on a Dask cluster, one task a batch (floor 5; extra `jaxglide[cluster]`).
 
-Every worker writes its batches to the store itself; the scheduler sends a lost worker's
-batch to another. Start workers with one thread each: JAX uses all cores of a process.
+A task carries its own cases and returns their results; only the process that sweeps writes to
+the store, so workers need not see it. The scheduler sends a lost worker's batch to another.
+Start workers with one thread each: JAX uses all cores of a process.
 """
 
+import contextlib
+import sys
 from collections.abc import Iterator
-from pathlib import Path
+from concurrent.futures import CancelledError
 from typing import Any
 
 import numpy as np
 
+from .records import versions
 from .study import Study
 
 _RETRIES = 3
+_WIDTH = 24  # glides a task; as for a core, see `batch`
 
 
-def _task(study: str, store: str, width: int, chunk: int, x64: bool) -> int:
-    """Fly one batch and write it; runs on a worker."""
+class ClusterError(OSError):
+    """A cluster that does not answer, or whose workers died; the message is one sentence."""
+
+
+def _task(cases: str, width: int, x64: bool, expected: dict[str, str]) -> dict[str, np.ndarray]:
+    """Fly a batch; runs on a worker."""
     import jax
 
+    for name, version in versions().items():
+        if name != "version_python" and expected[name] != version:
+            raise ClusterError(f"a worker has {name} {version}, not {expected[name]} as here")
     jax.config.update("jax_enable_x64", x64)
-    from .batch import solve, template
-    from .store import Store
+    from .batch import solve
 
-    described = Study.from_json(study)
-    index = described.order()[chunk * width : (chunk + 1) * width]
-    kept = Store(store, described, width, template(described))
-    kept.write(chunk, solve(described, index, width))
-    return chunk
+    study = Study.from_json(cases)
+    return solve(study, np.arange(len(study)), width)
+
+
+@contextlib.contextmanager
+def connected(cluster: Any, tell: bool = True) -> Iterator[Any]:
+    """A client of the cluster.
+
+    Args:
+        cluster: a `dask.distributed.Client` or a scheduler's address.
+        tell: say on standard error that there are no workers yet.
+
+    Raises:
+        ValueError: Dask is not installed, or that is no address.
+        ClusterError: no scheduler answers there.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ValueError("a cluster needs Dask: pip install 'jaxglide[cluster]'") from None
+    with contextlib.ExitStack() as stack:
+        client = cluster
+        if not isinstance(cluster, Client):
+            try:
+                client = stack.enter_context(Client(cluster, timeout="20s"))
+            except OSError as error:
+                raise ClusterError(f"no scheduler answers at {cluster}: {error}") from None
+            except (ValueError, TypeError) as error:
+                raise ValueError(f"{cluster!r} is not a scheduler's address: {error}") from None
+        if tell and not client.scheduler_info()["workers"]:
+            print(f"no worker at {client.scheduler.address} yet: waiting", file=sys.stderr)
+        yield client
+
+
+def _part(study: Study, index: np.ndarray) -> Study:
+    """A study of some of the cases alone."""
+    return Study(
+        cases=study.columns(index),
+        setup=study.setup,
+        rtol=study.rtol,
+        atol=study.atol,
+        max_time=study.max_time,
+        max_steps=study.max_steps,
+        times=study.times,
+    )
 
 
 def solve_on_cluster(
-    study: Study, store: Path, width: int, todo: np.ndarray, cluster: Any
-) -> Iterator[int]:
-    """Fly the batches `todo` on a cluster, yielding each when it is in the store.
+    client: Any, study: Study, order: np.ndarray, rows: np.ndarray, width: int | None
+) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+    """Fly glides on a cluster, yielding (places, results) of every batch as it comes.
 
     Args:
-        study, store, width: as in `sweep.sweep`; the store exists.
-        todo: batch numbers, (n,).
-        cluster: a `dask.distributed.Client` or a scheduler's address.
+        client: a `dask.distributed.Client`.
+        study: the study.
+        order: case numbers in the order in which they are solved, (N,).
+        rows: places in that order of the glides to fly, (n,).
+        width: glides per task.
 
     Raises:
-        ValueError: Dask is not installed, or no scheduler answers at the address.
+        ClusterError: workers died at a batch again and again, or the cluster went away.
     """
-    try:
-        from distributed import Client, as_completed
-    except ImportError:
-        raise ValueError("a cluster needs Dask: pip install 'jaxglide[cluster]'") from None
     import jax
+    from distributed import KilledWorker, as_completed
 
-    if isinstance(cluster, Client):
-        client, own = cluster, False
-    else:
-        try:
-            client, own = Client(cluster, timeout="20s"), True
-        except OSError as error:
-            raise ValueError(f"no scheduler answers at {cluster}: {error}") from None
+    x64 = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+    width = width or _WIDTH
+    futures = {}
+    for part in np.split(rows, np.arange(width, len(rows), width)):
+        cases = _part(study, order[part]).to_json()
+        told = cases, width, x64, versions()
+        futures[client.submit(_task, *told, retries=_RETRIES, pure=False)] = part
+    kept = "what is finished is kept if there is a store: run the same study again"
     try:
-        x64 = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
-        arguments = study.to_json(), str(store.resolve()), width
-        futures = [
-            client.submit(_task, *arguments, int(chunk), x64, retries=_RETRIES, pure=False)
-            for chunk in todo
-        ]
-        for future in as_completed(futures):
-            yield future.result()
+        for future in as_completed(list(futures)):
+            values = future.result()
+            yield futures.pop(future), values
+        if futures:
+            raise ClusterError(f"the cluster went away; {kept}")
+    except KilledWorker as error:
+        raise ClusterError(
+            f"workers of the cluster died at one batch {error.allowed_failures + 1} times "
+            f"(their logs say why; often too little memory); {kept}"
+        ) from error
+    except (CancelledError, ConnectionError, TimeoutError) as error:
+        raise ClusterError(f"the cluster went away ({error}); {kept}") from error
     finally:
-        if own:
-            client.close()
+        with contextlib.suppress(Exception):
+            client.cancel(list(futures))

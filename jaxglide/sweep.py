@@ -1,15 +1,18 @@
 """Sweeps: many glides in batches, with progress, kept and resumed (floor 5)."""
 
+import contextlib
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from .batch import default_width, solve, template
+from ._checks import check_integer, warn_float32
+from .batch import default_width, solve
 from .records import study_dataset
-from .store import Store
+from .store import Store, opened
 from .study import Study
 
 
@@ -34,51 +37,61 @@ def sweep(
 
     Args:
         study: what to fly.
-        store: folder for the results (Zarr), written batch by batch. If it holds part of
-            the same study, only the rest is computed. Without one all stays in memory.
-        width: glides per batch; by default chosen for the devices.
+        store: folder for the results (Zarr), written as they come. If it holds part of the
+            same study, only the rest is computed; if another process is at work on it, this
+            one waits. Without one all stays in memory.
+        width: glides per batch; by default chosen for the devices. The results do not depend
+            on it.
         progress: show a progress bar; by default where somebody can see it.
         cluster: a `dask.distributed.Client`, or a scheduler's address, on whose workers to
-            compute; they must see `store` at the same path. Needs `jaxglide[cluster]`.
+            compute. Needs `jaxglide[cluster]`.
 
     Returns:
         Dataset over the grid's dimensions, or over `case`; see `records.study_dataset`.
 
     Raises:
         ValueError: a wrong argument, or a store that is not this study's (`StoreError`).
+        OSError: the store cannot be read or written, or the cluster fails.
     """
-    width = min(width or default_width(study), len(study))
-    order = study.order()
-    chunks = -(-len(study) // width)
-    kept = None if store is None else Store(store, study, width, template(study))
-    done = np.zeros(chunks, bool) if kept is None else kept.finished()
-    todo = np.flatnonzero(~done)
-    sizes = np.minimum(width, len(study) - width * np.arange(chunks))
-    pieces: dict[int, Mapping[str, np.ndarray]] = {}
-    with progress_bar(len(study), "glide", progress, int(sizes[done].sum())) as bar:
-        if cluster is not None:
-            from .cluster import solve_on_cluster
-
-            if store is None:
-                raise ValueError("a sweep on a cluster needs a store")
-            finished: Iterator = solve_on_cluster(study, Path(store), width, todo, cluster)
+    warn_float32(study.rtol, study.atol)
+    if width is not None:
+        check_integer("width", width, 1, 10**7)
+    order, tell = study.order(), progress is not False
+    with contextlib.ExitStack() as stack:
+        if cluster is None:
+            fly = partial(_solve_here, study, order, width or default_width(study))
         else:
-            finished = _solve_here(study, kept, width, order, todo, pieces)
-        for chunk in finished:
-            bar.update(int(sizes[chunk]))
-    if kept is not None:
-        flown = kept.read()
-    else:
-        flown = {n: np.concatenate([pieces[c][n] for c in range(chunks)]) for n in pieces[0]}
+            from .cluster import connected, solve_on_cluster
+
+            client = stack.enter_context(connected(cluster, tell))
+            fly = partial(solve_on_cluster, client, study, order, width=width)
+        kept = None if store is None else stack.enter_context(opened(store, study, tell))
+        flown = _fill(study, kept, fly, progress)
     back = np.argsort(order)
     return study_dataset(study, {name: values[back] for name, values in flown.items()})
 
 
-def _solve_here(study, kept, width, order, todo, pieces) -> Iterator[int]:
-    for chunk in map(int, todo):
-        values = solve(study, order[chunk * width : (chunk + 1) * width], width)
-        if kept is None:
-            pieces[chunk] = values
-        else:
-            kept.write(chunk, values)
-        yield chunk
+def _solve_here(study, order, width, rows) -> Iterator[tuple[np.ndarray, Mapping]]:
+    width = min(width, len(study))
+    for part in np.split(rows, np.arange(width, len(rows), width)):
+        yield part, solve(study, order[part], width)
+
+
+def _fill(study, kept, fly, progress) -> dict[str, np.ndarray]:
+    """Results in solving order: what the store has, and the rest flown and kept there."""
+    if kept is None:
+        flown, missing = Store("", study).blank(), np.ones(len(study), bool)
+    else:
+        flown, done = kept.read()
+        missing = ~np.repeat(done, kept.chunk)[: len(study)]
+    with progress_bar(len(study), "glide", progress, int((~missing).sum())) as bar:
+        for rows, values in fly(np.flatnonzero(missing)) if missing.any() else ():
+            for name, value in flown.items():
+                value[rows] = values[name]
+            missing[rows] = False
+            for chunk in np.unique(rows // kept.chunk) if kept is not None else ():
+                here = kept.rows(int(chunk))
+                if not missing[here].any():
+                    kept.write(int(chunk), {name: v[here] for name, v in flown.items()})
+            bar.update(len(rows))
+    return flown

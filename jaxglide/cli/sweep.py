@@ -85,9 +85,6 @@ def _study(args):
 
 
 def _run(args) -> int:
-    import numpy as np
-
-    from ..glide import Outcome
     from ..sweep import sweep
 
     study = _study(args)
@@ -95,18 +92,32 @@ def _run(args) -> int:
     data = sweep(study, args.store, width=args.width, cluster=args.cluster)
     took = time.perf_counter() - begin
     write(lambda: data, None, args)
-    codes = data.outcome.values
+    return _report(study, data, took, args.json)
+
+
+def _report(study, data, took: float, as_json: bool) -> int:
+    """Print how the glides ended; returns the exit code: 1 unless all were computed."""
+    import numpy as np
+
+    from ..glide import Outcome
+
+    codes = data.outcome.values.ravel()
     counts = {str(o): int((codes == o).sum()) for o in Outcome if (codes == o).any()}
-    computed = all(o <= Outcome.UNSTABLE_ROLL for o in Outcome if str(o) in counts)
-    if args.json:
+    done = (codes >= Outcome.LANDED) & (codes <= Outcome.UNSTABLE_ROLL)
+    code = 0 if done.all() else 1
+    if as_json:
         print_json({"glides": len(study), "seconds": took, "outcomes": counts})
-        return 0 if computed else 1
+        return code
     print(f"{len(study)} glides in {took:.1f} s, shape {'x'.join(map(str, study.shape))}")
     for outcome, count in counts.items():
         print(f"  {outcome:18} {count}")
-    best = int(data.landing_point.sel(axis="y").values.ravel().argmax())
+    if not done.any():
+        print("farthest forward   none: no glide was computed to its end")
+        return code
+    # Not where a failed one happened to stop.
+    forward = np.where(done, data.landing_point.sel(axis="y").values.ravel(), -np.inf)
+    best = int(forward.argmax())
     where = {name: float(v[0]) for name, v in study.columns(np.array([best])).items()}
-    point = data.landing_point.sel(axis="y").values.ravel()[best]
     told = ", ".join(f"{name} {value:g}" for name, value in where.items())
-    print(f"farthest forward   {point:.3f} m at {told}")
-    return 0 if computed else 1
+    print(f"farthest forward   {forward[best]:.3f} m at {told}")
+    return code

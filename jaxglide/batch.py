@@ -1,5 +1,6 @@
 """One batch of a study as a vmapped computation on all local devices (floor 5)."""
 
+import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 
@@ -13,7 +14,7 @@ from .cases import build
 from .glide import Glide, simulate
 from .study import Study
 
-_CPU_LANES = 24  # per core: more do not pay for waiting for the slowest flight
+_CPU_LANES = (16, 24)  # per core: more do not pay for waiting for the slowest flight
 # Lanes per device are a multiple of this. Loops over other numbers end in a remainder that
 # the compiler may round otherwise: a glide's last bits would depend on its batch.
 _UNIT = 8
@@ -109,10 +110,13 @@ def default_width(study: Study) -> int:
         memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
         states = 13 * len(study.times or ())
         per_lane = 8 * (_LIVE * study.setup["nodes"] + 20 * 13 + states)
-        most = max(_UNIT, int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT)
-    # As many batches as that takes, all of one size: a last small one would cost as much.
+        most = (max(_UNIT, int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT),)
+    # As many batches as that takes, all of one size: a last small one would cost as much. The
+    # fewest lanes in all, where there is a choice.
     each = -(-len(study) // len(devices))
-    return len(devices) * _rounded(-(-each // -(-each // most)))
+    batches = [-(-each // lanes) for lanes in most]
+    lanes = [_rounded(-(-each // count)) for count in batches]
+    return len(devices) * min(zip(batches, lanes, strict=True), key=math.prod)[1]
 
 
 def _rounded(lanes: int) -> int:

@@ -17,6 +17,7 @@ from .records import versions
 from .study import Study
 
 _RETRIES = 3
+_PATIENCE = "20s"  # with a scheduler
 _WIDTH = 24  # glides a task; as for a core, see `batch`
 
 
@@ -58,7 +59,7 @@ def connected(cluster: Any, tell: bool = True) -> Iterator[Any]:
         client = cluster
         if not isinstance(cluster, Client):
             try:
-                client = stack.enter_context(Client(cluster, timeout="20s"))
+                client = stack.enter_context(Client(cluster, timeout=_PATIENCE))
             except OSError as error:
                 raise ClusterError(f"no scheduler answers at {cluster}: {error}") from None
             except (ValueError, TypeError) as error:

@@ -1,9 +1,13 @@
 """`jaxglide plot`: the right figure for every kind of file, and words for every mistake."""
 
 import importlib.util
+import json
 import shlex
+import shutil
+import warnings
 from pathlib import Path
 
+import h5py
 import matplotlib
 import numpy as np
 import pytest
@@ -11,10 +15,9 @@ import xarray as xr
 from matplotlib.collections import QuadMesh
 
 from jaxglide import Gait, Glider, Launch, Snake, cli, discretise, plot, simulate
-from jaxglide.batch import template
 from jaxglide.plot.saved import draw, kind_of
 from jaxglide.records import glide_dataset, stamp
-from jaxglide.store import Store
+from jaxglide.store import check_memory, opened
 from jaxglide.study import Study
 
 NODES = 20
@@ -201,15 +204,15 @@ def test_variables_and_dimensions_of_a_sweep_are_chosen():
 
 
 @pytest.fixture
-def store(tmp_path):
-    """A store of six glides in batches of two, the last batch not there yet."""
+def store(tmp_path, monkeypatch):
+    """A store of six glides in chunks of two, the last chunk not there yet."""
+    monkeypatch.setattr("jaxglide.store._GLIDES", 2)
     study = Study({"nu_theta": [1.0, 1.2, 1.4], "d_psi": [0, 10]}, setup={"nodes": 8})
-    one = template(study)
-    kept = Store(tmp_path / "part.zarr", study, 2, one)
-    for chunk in (0, 1):
-        fill = {name: np.zeros((2, *v.shape), v.dtype) for name, v in one.items()}
-        fill["path_length"][:] = 1.0 + chunk
-        kept.write(chunk, fill)
+    with opened(tmp_path / "part.zarr", study) as kept:
+        for chunk in (0, 1):
+            fill = {n: np.zeros((2, *a.shape), a.dtype) for n, a in kept.layout.items()}
+            fill["path_length"][:] = 1.0 + chunk
+            kept.write(chunk, fill)
     return kept
 
 
@@ -226,11 +229,35 @@ def test_a_store_is_drawn_as_far_as_it_goes(store, capsys, tmp_path):
     assert out.stat().st_size > 5000
 
 
+def edit(file, old, new):
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "said"),
+    [
+        ("zarr.json", "1.4]", "1.5]", "chunk 0 does not match its digest"),
+        ("zarr.json", "float64", "float32", "its [a-z_]+/zarr.json is not what"),
+        ("zarr.json", "float64", "float16", "its study cannot be read .precision float16"),
+        ("zarr.json", "nu_theta", "wings", "its study cannot be read"),
+        ("zarr.json", "sweep 2", "sweep 1", "not a store that this version"),
+        ("time/zarr.json", "[6]", "[1000000000000000]", "its time/zarr.json is not what"),
+        ("time/zarr.json", '"bytes"', '"pickle"', "its time/zarr.json is not what"),
+    ],
+)
+def test_an_edited_store_is_refused(store, file, old, new, said):
+    edit(store.path / file, old, new)
+    with pytest.raises(ValueError, match=rf"part\.zarr.*{said}"):
+        plot.open_result(store.path)
+
+
 def test_a_damaged_or_empty_store_is_refused(store, tmp_path):
-    store.group["path_length"][0] = 7.0
+    (store.path / "path_length" / "c" / "0").write_bytes(bytes(16))
     with pytest.raises(ValueError, match=r"part\.zarr.*chunk 0 does not match its digest"):
         plot.open_result(store.path)
-    store.group["digest"][:] = 0
+    shutil.rmtree(store.path / "digest" / "c")
     with pytest.raises(ValueError, match=r"part\.zarr holds no finished batch yet"):
         plot.open_result(store.path)
     (tmp_path / "nothing.zarr").mkdir()
@@ -238,11 +265,85 @@ def test_a_damaged_or_empty_store_is_refused(store, tmp_path):
         plot.open_result(tmp_path / "nothing.zarr")
 
 
-@pytest.mark.filterwarnings("ignore::zarr.errors.UnstableSpecificationWarning")
-def test_a_dataset_kept_as_zarr_is_read_too(tmp_path):
+def test_a_study_larger_than_memory_is_refused_at_once(store):
+    values = ", ".join(map(str, np.linspace(1, 1.5, 3000)))
+    for given in ("[0.0, 10.0]", "[1.0, 1.2, 1.4]"):
+        edit(store.path / "zarr.json", given, f"[{values}]")
+    edit(store.path / "zarr.json", '\\"times\\": null', f'\\"times\\": [{values}]')
+    with pytest.raises(ValueError, match="more than half of this machine's memory"):
+        check_memory("part.zarr", 10**15)
+    with pytest.raises(ValueError, match=r"part\.zarr holds .* GB: more than half"):
+        plot.open_result(store.path)
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """A dataset written as Zarr 3 by xarray, with a name along an axis."""
     data = sweep_of(["nu_theta", "d_psi"])
-    data.to_zarr(tmp_path / "kept.zarr", zarr_format=3, consolidated=False)
-    assert draw(plot.open_result(tmp_path / "kept.zarr")).said == draw(data).said
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        data.to_zarr(tmp_path / "kept.zarr", zarr_format=3, consolidated=False)
+    return tmp_path / "kept.zarr"
+
+
+@pytest.mark.filterwarnings("ignore::zarr.errors.UnstableSpecificationWarning")
+def test_a_dataset_kept_as_zarr_is_read_too(kept):
+    assert draw(plot.open_result(kept)).said == draw(sweep_of(["nu_theta", "d_psi"])).said
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("codec", "it needs pickle, which is not opened"),
+        ("inner", "it needs pickle, which is not opened"),
+        ("copy", "it needs pickle, which is not opened"),
+        ("type", "it holds object, which is not opened"),
+        ("size", "more than half of this machine's memory"),
+        ("chunk", "more than half of this machine's memory"),
+        ("transformer", "it needs a storage transformer"),
+        ("link", "it holds a link"),
+        ("old", "it holds Zarr 2; only Zarr 3"),
+    ],
+)
+def test_what_could_run_code_is_not_opened(kept, monkeypatch, change, said):
+    """It is refused before a library sees it."""
+    described = kept / "path_length" / "zarr.json"
+    node = json.loads(described.read_text())
+    if change in ("codec", "inner", "copy"):
+        node["codecs"].append({"name": "pickle", "configuration": {}})
+    elif change == "type":
+        node["data_type"] = "object"
+    elif change == "size":
+        node["shape"] = [10**9, 10**6]
+    elif change == "chunk":
+        node["chunk_grid"]["configuration"]["chunk_shape"] = [10**9, 10**6]
+    elif change == "transformer":
+        node["storage_transformers"] = [{"name": "other"}]
+    if change == "inner":
+        (kept / "below" / "deeper").mkdir(parents=True)
+        described = kept / "below" / "deeper" / "zarr.json"
+    elif change == "copy":
+        described = kept / "zarr.json"
+        group = json.loads(described.read_text())
+        group["consolidated_metadata"] = {"metadata": {"path_length": node}}
+        node = group
+    described.write_text(json.dumps(node))
+    if change == "link":
+        (kept / "elsewhere").symlink_to("/")
+    elif change == "old":
+        (kept / "below").mkdir()
+        (kept / "below" / ".zarray").write_text("{}")
+    monkeypatch.setattr(xr, "open_zarr", None)
+    with pytest.raises(ValueError, match=rf"kept\.zarr.*{said}"):
+        plot.open_result(kept)
+
+
+def test_a_file_that_declares_more_than_memory_is_refused_at_once(tmp_path):
+    path = tmp_path / "long.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("time", shape=(10**12,), chunks=(1000,), dtype="f8")
+    with pytest.raises(ValueError, match=r"long\.nc holds 8e\+03 GB: more than half"):
+        plot.open_result(path)
 
 
 # Other kinds

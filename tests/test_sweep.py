@@ -7,8 +7,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from unittest.mock import ANY
 
 import jax
 import numpy as np
@@ -16,19 +18,26 @@ import pytest
 import xarray as xr
 import zarr
 
-from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
+from jaxglide import Gait, Glider, Launch, Polar, Snake, batch, cli, simulate
 from jaxglide import cluster as on_cluster
+from jaxglide import store as stores
 from jaxglide import sweep as module
-from jaxglide.batch import _CPU_LANES, default_width, solve, template
+from jaxglide.batch import default_width, solve
 from jaxglide.cases import build, check_setup
 from jaxglide.parameters import PARAMETERS
-from jaxglide.store import Store, StoreError
+from jaxglide.store import Store, StoreError, layout, opened
 from jaxglide.study import Study
 from jaxglide.sweep import sweep
 
 GRID = {"nu_theta": [1.2, 1.3, 1.4], "d_psi": [0.0, 10.0]}
 SHORT = {"fixed": {"height": 0.3}, "rtol": 1e-5, "atol": 1e-4}
 WIDTH = 2
+
+
+@pytest.fixture(autouse=True)
+def _small_chunks(monkeypatch):
+    """Two glides to a chunk, in this process."""
+    monkeypatch.setattr(stores, "_GLIDES", 2)
 
 
 @pytest.fixture(scope="module")
@@ -150,65 +159,208 @@ def test_only_missing_chunks_are_computed(study, plain, tmp_path, monkeypatch):
     assert len(calls) == 4  # two, the interrupted one, and that one again
 
 
-@pytest.mark.parametrize("change", ["study", "version", "foreign", "digest", "data", "meta"])
-def test_a_wrong_or_damaged_store_is_refused(study, tmp_path, monkeypatch, change):
-    folder = tmp_path / "s.zarr"
-    kept = Store(folder, study, WIDTH, template(study))
-    index = study.order()[:WIDTH]
-    values = solve(study, index, WIDTH)
-    kept.write(0, values)
-    other = study
+def numbered(study, index, width):
+    """Stands in for `solve`: the first parameter of every case as its time, at once."""
+    assert len(index) <= width
+    column = study.columns(index)[next(iter(study.varied))]
+    flown = {n: a.blank(len(index)) for n, a in layout(study, "float64").items()}
+    return {n: np.zeros_like(v) for n, v in flown.items()} | {"time": column}
+
+
+@pytest.fixture
+def finished(study, tmp_path, monkeypatch):
+    """A finished store of six glides that nobody flew; to fly any more is an error."""
+    monkeypatch.setattr(module, "solve", numbered)
+    sweep(study, tmp_path / "s.zarr", width=4, progress=False)
+    monkeypatch.setattr(module, "solve", None)
+    return tmp_path / "s.zarr"
+
+
+def test_a_store_keeps_what_a_sweep_keeps(study):
+    """Names, shapes and types that a store declares are those of what is flown."""
+    for one in (study, Study(GRID, **SHORT, times=[0.1, 0.2])):
+        case = {name: np.zeros(()) for name in one.columns(np.zeros(1, int))}
+        flown = jax.eval_shape(batch._one(*batch._key(one)), case, 1e-6, 1e-6)
+        declared = layout(one, "float64")
+        assert {n: (v.shape, v.dtype) for n, v in flown.items()} == {
+            n: (a.shape, a.dtype) for n, a in declared.items()
+        }
+
+
+@pytest.mark.filterwarnings("ignore::zarr.errors.UnstableSpecificationWarning")
+def test_other_software_reads_a_store(study, finished):
+    with xr.open_zarr(finished, consolidated=False) as data:
+        data = data.load()
+    assert data.landing_point.dims == ("glide", "axis")
+    assert data.end_angles.dims == ("glide", "turn")
+    assert data.glide_angle.attrs["units"] == "rad"
+    order = study.order()
+    np.testing.assert_array_equal(data.case, order)
+    np.testing.assert_array_equal(data.time, study.columns(order)["nu_theta"])
+    assert list(data.sizes.values()).count(3) >= 2
+    assert zarr.open_group(str(finished), mode="r")["outcome"].chunks == (2,)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("study", "holds another study"),
+        ("version", r"version_jaxglide 0\.1.*this is 9\.9"),
+        ("old", "made by another version of jaxglide"),
+        ("foreign", "exists and is not the store of a sweep"),
+        ("meta", "exists and is not the store of a sweep"),
+        ("precision", "made with precision float64, this is float32"),
+        ("file", "exists and is not the store of a sweep"),
+    ],
+)
+def test_another_store_is_refused(study, finished, monkeypatch, change, said):
+    other, root = study, finished / "zarr.json"
     if change == "study":
         other = Study(GRID, **{**SHORT, "rtol": 2e-5})
     elif change == "version":
-        monkeypatch.setattr("jaxglide.store.versions", lambda: {"version_jaxglide": "9.9"})
+        told = {**stores.versions(), "version_jaxglide": "9.9"}
+        monkeypatch.setattr(stores, "versions", lambda: told)
+    elif change == "old":
+        root.write_text(root.read_text().replace("sweep 2", "sweep 1"))
     elif change == "foreign":
-        (folder / "zarr.json").unlink()
-    elif change == "digest":
-        kept.group["digest"][0] = np.arange(32, dtype="uint8")
-    elif change == "data":
-        kept.group["time"][0] = 1.0
+        root.unlink()
     elif change == "meta":
-        (folder / "zarr.json").write_text("{")
-    before = files(folder)
-    with pytest.raises(StoreError, match=r"s\.zarr"):
-        sweep(other, folder, width=WIDTH, progress=False)
-    assert files(folder) == before
+        root.write_text("{" * 5000)
+    elif change == "precision":
+        monkeypatch.setattr(stores, "precision", lambda: "float32")
+    elif change == "file":
+        finished = finished / "zarr.json"
+    before = files(finished)
+    with pytest.raises(StoreError, match=said) as raised:
+        sweep(other, finished, progress=False)
+    assert str(finished) in str(raised.value)
+    assert "\n" not in str(raised.value)
+    assert files(finished) == before
 
 
-def test_damage_to_any_result_is_noticed(study, tmp_path):
-    kept = Store(tmp_path / "s.zarr", study, WIDTH, template(study))
-    values = solve(study, study.order()[:WIDTH], WIDTH)
-    for name in values:
-        kept.write(0, values)
-        assert list(kept.finished()) == [True, False, False]
-        kept.group[name][1] = values[name][1] + 1
-        with pytest.raises(StoreError, match="chunk 0 does not match"):
-            kept.finished()
+def test_every_flipped_bit_is_noticed(study, finished):
+    for name, good in files(finished).items():
+        bad = bytearray(good)
+        bad[len(bad) // 2] ^= 4
+        (finished / name).write_bytes(bad)
+        with pytest.raises(StoreError, match=r"s\.zarr"):
+            sweep(study, finished, progress=False)
+        (finished / name).write_bytes(good)
+    sweep(study, finished, progress=False)
 
 
-def test_a_store_of_another_width_is_refused(study, tmp_path):
-    Store(tmp_path / "s.zarr", study, WIDTH, template(study))
-    with pytest.raises(StoreError, match="made with width 2, this is 3"):
-        sweep(study, tmp_path / "s.zarr", width=3, progress=False)
+def test_a_store_that_lies_about_its_size_is_refused(study, finished):
+    """Before anything of that size is made."""
+    described = finished / "time" / "zarr.json"
+    text = described.read_text()
+    for shape in ("[1000000000000000]", "[-1]", '"many"', "[" * 100_000):
+        described.write_text(text.replace('"shape": [6]', f'"shape": {shape}'))
+        with pytest.raises(StoreError, match=r"its time/zarr\.json is not what this study"):
+            sweep(study, finished, progress=False)
 
 
-def test_a_full_disk_is_said_and_finished_chunks_stay(study, plain, tmp_path, monkeypatch):
-    folder = tmp_path / "s.zarr"
-    original, calls = zarr.Array.__setitem__, []
+def test_chunks_do_not_change_places(study, finished):
+    for name in ("digest", *layout(study, "float64")):
+        places = [sorted((finished / name / "c" / str(i)).rglob("*")) for i in (0, 1)]
+        a, b = (found[0] if found else finished / name / "c" / str(i)
+                for i, found in enumerate(places))  # fmt: skip
+        first, second = a.read_bytes(), b.read_bytes()
+        a.write_bytes(second)
+        b.write_bytes(first)
+    with pytest.raises(StoreError, match="chunk 0 does not match its digest"):
+        sweep(study, finished, progress=False)
 
-    def full(self, key, value):
-        calls.append(key)
-        if len(calls) > 20:
-            raise OSError(28, "No space left on device")
-        return original(self, key, value)
 
-    monkeypatch.setattr(zarr.Array, "__setitem__", full)
-    with pytest.raises(StoreError, match=r"No space left.*intact"):
-        sweep(study, folder, width=WIDTH, progress=False)
-    monkeypatch.undo()
-    assert Store(folder, study, WIDTH, template(study)).finished().sum() == 1
-    xr.testing.assert_identical(sweep(study, folder, width=WIDTH, progress=False), plain)
+def test_a_chunk_without_its_digest_is_computed_anew(study, finished, monkeypatch):
+    before = files(finished)
+    (finished / "digest" / "c" / "1" / "0").unlink()
+    (finished / "time" / "c" / "1").write_bytes(b"torn")
+    monkeypatch.setattr(module, "solve", numbered)
+    sweep(study, finished, width=1, progress=False)
+    assert files(finished) == before
+
+
+def test_a_finished_store_needs_no_writing(study, finished, monkeypatch):
+    """It may lie where nothing can be written, not even a lock."""
+    monkeypatch.setattr(stores, "alone", None)
+    sweep(study, finished, progress=False)
+
+
+def test_the_machine_does_not_matter(study, tmp_path, monkeypatch):
+    """A store begun with one width goes on with others, to the same bytes."""
+    monkeypatch.setattr(module, "solve", numbered)
+    for width in (1, 4, 5, 100):
+        sweep(study, tmp_path / f"{width}.zarr", width=width, progress=False)
+        assert files(tmp_path / f"{width}.zarr") == files(tmp_path / "1.zarr")
+    with opened(tmp_path / "s.zarr", study) as kept:
+        kept.write(1, numbered(study, study.order()[2:4], 2))
+    sweep(study, tmp_path / "s.zarr", width=3, progress=False)
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "1.zarr")
+
+
+@pytest.mark.parametrize(("glides", "chunk"), [(1, 1), (2, 2), (2000, 2), (3000, 3)])
+def test_chunks_follow_from_the_study(glides, chunk):
+    assert Store("s.zarr", Study({"nu_theta": np.linspace(1, 1.5, glides)})).chunk == chunk
+
+
+def test_litter_of_killed_processes_is_removed(study, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "solve", numbered)
+    token = "0123456789abcdef"
+    (tmp_path / f".s.zarr-{token}" / "time").mkdir(parents=True)
+    (tmp_path / f".other.zarr-{token}").mkdir()
+    with opened(tmp_path / "s.zarr", study) as kept:
+        kept.write(0, numbered(study, study.order()[:2], 2))
+    (tmp_path / "s.zarr" / "time" / "c" / f".1-{token}").write_bytes(b"torn")
+    sweep(study, tmp_path / "s.zarr", progress=False)
+    left = {path.name for path in tmp_path.iterdir()} - {".s.zarr.lock"}
+    assert left == {"s.zarr", f".other.zarr-{token}"}
+    assert not any(token in name for name in files(tmp_path / "s.zarr"))
+
+
+def lives(what, number, seed=0):
+    """Run `store_lives.py`; returns what it tells."""
+    program = Path(__file__).parent / "store_lives.py"
+    command = [sys.executable, str(program), what, str(number), str(seed)]
+    folder = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    environment = {**os.environ, **({"TMPDIR": folder} if folder else {})}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_the_disk_is_full_and_then_has_room():
+    """At the birth of a store or in a chunk: one sentence, code 1; then the same bits."""
+    assert lives("full", 4)["wrong"] == []
+
+
+@pytest.mark.parametrize("number", [10, pytest.param(10**6, marks=pytest.mark.slow)])
+def test_killed_at_any_file_operation_a_sweep_ends_in_the_same_bits(number):
+    told = lives("kills", number)
+    assert told["operations"] > 300
+    assert told["lives"] == min(number, told["operations"])
+    assert told["wrong"] == []
+
+
+@pytest.mark.parametrize("number", [3, pytest.param(200, marks=pytest.mark.slow)])
+def test_two_processes_on_one_new_store_both_finish(number):
+    assert lives("pairs", number) == {"lives": number, "operations": ANY, "wrong": []}
+
+
+def test_who_waits_says_so(study, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(module, "solve", numbered)
+    path = tmp_path / "s.zarr"
+    running = threading.Thread(target=sweep, args=(study, path), kwargs={"progress": None})
+    with opened(path, study) as kept:
+        running.start()
+        for _ in range(200):
+            said = capsys.readouterr().err
+            if "waiting" in said:
+                break
+            time.sleep(0.05)
+        assert said == f"waiting for another process at work on {path}\n"
+        assert not kept.finished().any()
+    running.join(60)
+    assert kept.finished().all()
 
 
 RUN = """
@@ -328,7 +480,8 @@ def test_limits_reach_the_solver(monkeypatch):
         return simulate(*arguments, **options)
 
     monkeypatch.setattr("jaxglide.batch.simulate", fly)
-    template(Study(GRID, max_time=7.0, max_steps=77, times=[0.1]))
+    limited = Study(GRID, max_time=7.0, max_steps=77, times=[0.1])
+    jax.eval_shape(batch._one(*batch._key(limited)), {"nu_theta": 1.2}, 1e-6, 1e-6)
     assert (given["max_time"], given["max_steps"], given["times"]) == (7.0, 77, (0.1,))
 
 
@@ -385,21 +538,36 @@ def test_wrong_studies(arguments, message):
         Study(**arguments)
 
 
-def test_a_batch_is_filled_up_without_changing_results(study, plain):
-    whole = sweep(study, width=6, progress=False)
-    np.testing.assert_allclose(whole.landing_point, plain.landing_point, atol=1e-9)
-    uneven = sweep(study, width=4, progress=False)
-    np.testing.assert_allclose(uneven.landing_point, plain.landing_point, atol=1e-9)
+BITS = """
+import sys, jax, numpy as np
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_num_cpu_devices", 2)
+from jaxglide import batch
+from jaxglide.study import Study
+study, width = Study.from_json(sys.argv[1]), int(sys.argv[2])
+flown = batch.solve(study, np.arange(len(study)), width)
+sys.stdout.buffer.write(b"".join(flown[name].tobytes() for name in sorted(flown)))
+"""
+
+
+def test_results_do_not_depend_on_the_batch_or_the_devices(study, plain):
+    """To the bit: a batch of another width, filled up with repeats, and two devices."""
+    for width in (1, 4, 9):
+        xr.testing.assert_identical(sweep(study, width=width, progress=False), plain)
+    command = [sys.executable, "-c", BITS, study.to_json(), "20"]
+    done = subprocess.run(command, capture_output=True, check=True)
+    flown = solve(study, np.arange(6), 6)
+    assert done.stdout == b"".join(flown[name].tobytes() for name in sorted(flown))
 
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="about CPU cores")
-@pytest.mark.parametrize("count", [1, 24, 25, 100, 1000])
-def test_default_batches_are_few_and_equal(count):
-    devices = len(jax.local_devices())
-    width = default_width(Study({"nu_theta": np.linspace(1, 1.5, count)}))
-    batches = -(-count // width)
-    assert batches == -(-count // (_CPU_LANES * devices))
-    assert 0 <= width * batches - count < batches * devices
+@pytest.mark.parametrize(
+    ("count", "width"),
+    [(1, 8), (16, 16), (20, 24), (25, 16), (121, 16), (1000, 16), (23000, 16)],
+)
+def test_default_batches_are_few_and_equal(count, width, monkeypatch):
+    monkeypatch.setattr(jax, "local_devices", lambda: jax.devices()[:1])
+    assert default_width(Study({"nu_theta": np.linspace(1, 1.5, count)})) == width
 
 
 def test_lanes_come_back_in_order_from_several_devices():
@@ -419,18 +587,11 @@ for count, width in ((6, 6), (5, 6), (4, 4), (9, 9), (1, 7)):
     subprocess.run([sys.executable, "-c", program], env=environment, check=True)
 
 
-def numbered(study, index, width):
-    """Stands in for `solve`: the number of every case as its time, at once."""
-    empty = {n: np.zeros((len(index), *v.shape), v.dtype) for n, v in template(study).items()}
-    return empty | {"time": np.asarray(index, float)}
-
-
 def test_progress_counts_glides(tmp_path, monkeypatch):
-    """Seven in batches of three, one batch done before: the last batch has one glide."""
+    """Seven in chunks of two, one of them done before, flown in batches of three."""
     study = Study({"nu_theta": np.linspace(1, 1.5, 7)}, **SHORT)
-    Store(tmp_path / "s.zarr", study, 3, template(study)).write(
-        0, numbered(study, study.order()[:3], 3)
-    )
+    with opened(tmp_path / "s.zarr", study) as kept:
+        kept.write(1, numbered(study, study.order()[2:4], 2))
     seen = []
 
     class Bar(contextlib.nullcontext):
@@ -438,7 +599,7 @@ def test_progress_counts_glides(tmp_path, monkeypatch):
             return self
 
         def update(self, count):
-            seen.append(count)
+            seen.append((count, list(np.flatnonzero(kept.finished()))))
 
     def begin(total, unit, show, done):
         seen.append((total, unit, done))
@@ -447,18 +608,84 @@ def test_progress_counts_glides(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "progress_bar", begin)
     monkeypatch.setattr(module, "solve", numbered)
     data = sweep(study, tmp_path / "s.zarr", width=3)
-    assert seen == [(7, "glide", 3), 3, 1]
-    np.testing.assert_array_equal(data.time, np.arange(7))
+    assert seen == [(7, "glide", 2), (3, [0, 1]), (2, [0, 1, 2, 3])]
+    np.testing.assert_array_equal(data.time, study.varied["nu_theta"])
 
 
-def test_a_worker_flies_the_batch_it_is_told(tmp_path, monkeypatch):
+# On a cluster
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Workers in threads of this process."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.Client(
+        processes=False, n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as client:
+        yield client
+
+
+def test_a_cluster_fills_the_same_store(study, finished, tmp_path, monkeypatch, client):
+    """Whatever the batches, and without a store too."""
     monkeypatch.setattr("jaxglide.batch.solve", numbered)
-    study = Study({"height": [0.4, 0.2, 0.3]})
-    kept = Store(tmp_path / "s.zarr", study, 2, template(study))
-    for chunk in (1, 0):
-        told = study.to_json(), str(tmp_path / "s.zarr"), 2, chunk, True
-        assert on_cluster._task(*told) == chunk
-    np.testing.assert_array_equal(kept.read()["time"], [1, 2, 0])
+    for width in (None, 1, 4):
+        folder = tmp_path / f"{width}.zarr"
+        sweep(study, folder, width=width, progress=False, cluster=client)
+        assert files(folder) == files(finished)
+    data = sweep(study, width=4, progress=False, cluster=client.scheduler.address)
+    xr.testing.assert_identical(data, sweep(study, finished, progress=False))
+
+
+def test_a_task_carries_its_own_cases(monkeypatch, client):
+    monkeypatch.setattr("jaxglide.batch.solve", numbered)
+    study = Study(cases={"nu_theta": np.linspace(1, 1.5, 1003)}, fixed={"height": 0.3})
+    sizes, submit = [], client.submit
+
+    def measured(function, *arguments, **options):
+        sizes.append(len(json.dumps(arguments)))
+        return submit(function, *arguments, **options)
+
+    monkeypatch.setattr(client, "submit", measured)
+    data = sweep(study, width=100, progress=False, cluster=client)
+    np.testing.assert_array_equal(data.time, study.varied["nu_theta"])
+    assert len(sizes) == 11
+    assert max(sizes) < 0.2 * len(study.to_json())
+
+
+def test_workers_that_die_are_said_and_chunks_kept(study, tmp_path, monkeypatch, client):
+    from distributed import KilledWorker
+
+    def dying(study, index, width):
+        if study.columns(index)["nu_theta"][0] > 1.35:
+            raise KilledWorker("batch", client.scheduler.address, 3)
+        return numbered(study, index, width)
+
+    monkeypatch.setattr("jaxglide.batch.solve", dying)
+    monkeypatch.setattr(on_cluster, "_RETRIES", 0)
+    with pytest.raises(on_cluster.ClusterError, match=r"died at one batch 4 times.*again$"):
+        sweep(study, tmp_path / "s.zarr", width=2, progress=False, cluster=client)
+    with opened(tmp_path / "s.zarr", study) as kept:
+        done = kept.finished()
+    assert not done[2]
+    flown = []
+
+    def here(study, index, width):
+        flown.extend(index)
+        return numbered(study, index, width)
+
+    monkeypatch.setattr(module, "solve", here)
+    sweep(study, tmp_path / "s.zarr", progress=False)
+    assert len(flown) == 6 - 2 * done.sum()
+
+
+def test_workers_of_another_version_are_refused(study, monkeypatch, client):
+    monkeypatch.setattr("jaxglide.batch.solve", numbered)
+    monkeypatch.setattr(on_cluster, "_RETRIES", 0)
+    told = iter([{**on_cluster.versions(), "version_jax": "0.1"}] * 3)
+    real = on_cluster.versions
+    monkeypatch.setattr(on_cluster, "versions", lambda: next(told, None) or real())
+    with pytest.raises(on_cluster.ClusterError, match="a worker has version_jax"):
+        sweep(study, width=2, progress=False, cluster=client)
 
 
 @pytest.mark.slow
@@ -500,6 +727,44 @@ def test_a_cluster_survives_the_loss_of_a_worker(tmp_path):
     assert np.array_equal(data.outcome, here.outcome)
 
 
-def test_a_cluster_needs_a_store_and_a_scheduler(study, tmp_path):
-    with pytest.raises(ValueError, match="needs a store"):
-        sweep(study, width=WIDTH, progress=False, cluster="tcp://127.0.0.1:1")
+@pytest.mark.parametrize(
+    ("address", "error", "said"),
+    [
+        ("tcp://127.0.0.1:1", on_cluster.ClusterError, "no scheduler answers at tcp"),
+        ("nonsense://x", ValueError, "'nonsense://x' is not a scheduler's address"),
+        (5, ValueError, "5 is not a scheduler's address"),
+    ],
+)
+def test_a_cluster_that_is_not_there_leaves_no_store(
+    study, tmp_path, monkeypatch, address, error, said
+):
+    pytest.importorskip("distributed")
+    assert issubclass(on_cluster.ClusterError, OSError)  # code 1 on the command line
+    monkeypatch.setattr(on_cluster, "_PATIENCE", "1s")
+    with pytest.raises(error, match=said):
+        sweep(study, tmp_path / "s.zarr", progress=False, cluster=address)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_failed_glides_are_not_the_farthest(capsys, monkeypatch):
+    """Neither where they stopped nor NaN."""
+    outcomes = np.array([0, 4, 6])
+
+    def fly(study, *_, **__):
+        point = np.array([[0, 1.0, 0], [0, 99.0, 0], [0, np.nan, 0]])
+        variables = {
+            "outcome": ("nu_theta", outcomes),
+            "landing_point": (("nu_theta", "axis"), point),
+        }
+        return xr.Dataset(variables, {"axis": list("xyz")})
+
+    monkeypatch.setattr(module, "sweep", fly)
+    arguments = ["sweep", "--vary", "nu_theta=1:1.2:3"]
+    assert cli.main(arguments) == 1
+    told = capsys.readouterr().out
+    assert "farthest forward   1.000 m at nu_theta 1\n" in told
+    outcomes[0] = 5
+    assert cli.main(arguments) == 1
+    told = capsys.readouterr().out
+    assert "farthest forward   none: no glide was computed to its end" in told
+    assert "nan" not in told

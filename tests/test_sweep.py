@@ -383,7 +383,7 @@ CACHE: dict[str, str] = {}
 
 @pytest.mark.slow
 def test_killed_runs_resume_to_the_same_store(tmp_path, tmp_path_factory):
-    """Real flights, SIGKILL at twenty random moments; the finished store equals an uninterrupted one."""
+    """Real flights, SIGKILL at twenty random moments; the store equals an undisturbed one."""
     CACHE["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path_factory.getbasetemp() / "cache")
     study = Study({"nu_theta": np.linspace(1, 1.5, 24)}, **SHORT)
     whole = tmp_path / "whole.zarr"

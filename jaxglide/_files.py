@@ -127,7 +127,8 @@ def write_figure(path: str | Path, figure: "Figure", dpi: float | None = None) -
         figure: what to write.
         dpi: dots per inch, by default the figure's.
     """
-    memory, options = io.BytesIO(), {} if dpi is None else {"dpi": dpi}
+    memory = io.BytesIO()
+    options: dict[str, Any] = {} if dpi is None else {"dpi": dpi}
     kind: Any = Path(path).suffix.removeprefix(".")
     figure.savefig(memory, format=kind, **options)
     write_bytes(path, memory.getbuffer())

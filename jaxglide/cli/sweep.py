@@ -10,6 +10,7 @@ from ._options import (
     add_output,
     add_setup,
     add_tolerances,
+    announce,
     by_name,
     fixed_of,
     print_json,
@@ -91,6 +92,8 @@ def _run(args) -> int:
     begin = time.perf_counter()
     data = sweep(study, args.store, width=args.width, cluster=args.cluster)
     took = time.perf_counter() - begin
+    if args.store is not None:
+        announce(args.store, args)
     write(lambda: data, None, args)
     return _report(study, data, took, args.json)
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ._checks import check_choice, check_range
+from ._checks import check_choice, check_range, warn_float32
 from ._datasets import Schema, Variable, checked
 from ._types import Array, Float
 from ._units import labelled
@@ -209,6 +209,7 @@ def fly_flights(
     """
     check_choice("node_set", node_set, CHOICES["node_set"])
     check_range("tolerance", tolerance, "", 0, 0.1, low_open=True)
+    warn_float32(tolerance, tolerance)
     data = check_flights(data)
     flights = measured_of(data)
     nodes = node_count(data["svl"].values) if node_set == "published" else None

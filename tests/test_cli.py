@@ -264,6 +264,13 @@ def test_trim_prints_a_root_or_says_there_is_none(capsys, tmp_path):
         (("trim", "--low=-181"), "--low = -181 deg/SVL is not allowed"),
         (("trim", "--low=0", "--high=0"), "--low 0 is not below --high 0"),
         (("shapes", "--height=0"), "--height = 0 m is not allowed"),
+        (
+            ("view", "--out=a.html", "--playback=1"),
+            "--playback does not apply: it is",
+        ),
+        (("view", "--out=a.gif", "--at=1"), "--at does not apply: it is the time of a still"),
+        (("view", "--out=a.png", "--frames-per-second=9"), "a still (.png) is one frame"),
+        (("plot", "a.nc", "--at", "x=1", "--at", "x=2"), "--at gives x twice"),
     ],
 )
 def test_what_does_not_apply_is_refused(capsys, arguments, message):
@@ -301,6 +308,7 @@ def test_a_held_glide_that_does_not_land_is_a_failure(capsys, tmp_path):
 def test_the_command_line_and_python_have_the_same_defaults():
     """Options left out are the defaults of the functions that they reach."""
     from jaxglide import published, survey, trim, windtunnel
+    from jaxglide.flights import fly_flights
     from jaxglide.glide import simulate
     from jaxglide.objectives import landing_distance
     from jaxglide.parameters import HELD_SPEED, HELD_TOLERANCE, TUNNEL
@@ -336,6 +344,8 @@ def test_the_command_line_and_python_have_the_same_defaults():
     study = Study({"svl": [0.7]})
     assert {(s["polar"], s["node_set"]) for s in setups} == {("published", "published")}
     assert (study.setup["polar"], study.setup["node_set"]) == ("published", "published")
+    flown = defaults(fly_flights)
+    assert flown == {name: parsed("compare", "a.nc").get(name, x) for name, x in flown.items()}
     problem = Problem(landing_distance, {"d_psi": (0, 1)})
     for name in ("polar", "node_set"):
         assert problem.setup[name] == search[name] == parsed("optimise")[name]
@@ -428,13 +438,15 @@ def test_wrong_sweeps(capsys, swept, arguments, message):
 def test_shapes_options_reach_the_study(capsys, monkeypatch):
     from jaxglide.published import NU_THETA, THETA_M, regions
 
-    told = []
+    told, lost = [], []
 
     def fly(height, **tolerances):
         told.append((height, tolerances))
         shapes = ("f_theta", "theta_m", "nu_theta")
         outcome = np.zeros((2, 11, 11), int)
         outcome[1, 3, 4] = len(told) == 2  # at the finer tolerance one is unstable
+        for place in lost:
+            outcome[place] = Outcome.OUT_OF_TIME
         return xr.Dataset(
             {"outcome": (shapes, outcome), "path_length": (shapes, np.ones((2, 11, 11)))},
             {"f_theta": [0.0, 1.2], "theta_m": THETA_M, "nu_theta": NU_THETA,
@@ -456,6 +468,10 @@ def test_shapes_options_reach_the_study(capsys, monkeypatch):
     assert code == 0
     assert "242 glides from 10 m" in out
     assert "94.215" in out  # published
+    lost.append((0, 5, 6))
+    code, out, err = run(capsys, "shapes", "--json")
+    assert (code, json.loads(out)["not_computed"]) == (1, 1)
+    assert "1 of 242 glides could not be computed" in err
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])

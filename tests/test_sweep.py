@@ -26,6 +26,7 @@ from jaxglide import sweep as module
 from jaxglide.batch import default_width, solve
 from jaxglide.cases import build, check_setup
 from jaxglide.parameters import PARAMETERS
+from jaxglide.records import glide_dataset
 from jaxglide.store import Store, StoreError, layout, opened
 from jaxglide.study import Study
 from jaxglide.sweep import sweep
@@ -471,6 +472,12 @@ def test_a_study_is_of_plain_numbers_whatever_it_was_given():
     assert again == study
     assert study.varied["svl"] == pytest.approx([0.7])
     assert (study.setup["nodes"], study.max_steps, study.times) == (71, 99, (0.5,))
+
+
+def test_a_batch_is_no_one_glide_to_label():
+    batch = SimpleNamespace(time=np.zeros((2, 3)))
+    with pytest.raises(ValueError, match=r"batch of glides of shape \(2, 3\): give one"):
+        glide_dataset(batch)
 
 
 def test_limits_reach_the_solver(monkeypatch):

@@ -81,6 +81,8 @@ def _run(args) -> int:
     else:
         print(glide)
     if not computed:
-        print(f"jaxglide: the glide {outcome} at {float(glide.time):.6g} s", file=sys.stderr)
+        said = f"the glide {outcome} at {float(glide.time):.6g} s"
+        nothing = ": no file was written" if args.save or args.plot else ""
+        print(f"jaxglide: {said}{nothing}", file=sys.stderr)
         return 1
     return 0

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ._options import UsageError, _suffix, add_force, out_of, writable, write_drawing
+from ._options import UsageError, _suffix, add_force, by_name, out_of, writable, write_drawing
 
 
 def add(commands) -> None:
@@ -30,16 +30,16 @@ def add(commands) -> None:
 
 def _where(texts: list[str]) -> dict:
     """Coordinates given with --at, by name: numbers where they are numbers."""
-    found = {}
+    pairs = []
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
             raise UsageError(f"--at {text!r} is not NAME=VALUE")
         try:
-            found[name] = float(value)
+            pairs.append((name, float(value)))
         except ValueError:
-            found[name] = value
-    return found
+            pairs.append((name, value))
+    return by_name("--at", pairs)
 
 
 def _run(args) -> int:

@@ -1,5 +1,6 @@
 """`jaxglide shapes`."""
 
+import sys
 import time
 
 from ._options import a_number, add_output, add_tolerances, print_json, write
@@ -12,6 +13,8 @@ def add(commands) -> None:
         help="fly the published shape space",
         description="Fly the 121 published shapes, frozen and undulating, and lay the table "
         "beside the published one.",
+        epilog="Exit code: 0, or 1 if a glide could not be computed to its end, 2 for wrong "
+        "input.",
     )
     shapes.add_argument(
         "--height", type=a_number, default=10.0, metavar="X", help="launch height [m] (10)"
@@ -27,6 +30,7 @@ def add(commands) -> None:
 
 
 def _run(args) -> int:
+    from ..glide import Outcome
     from ..published import borderline, shape_space, summary
 
     begin = time.perf_counter()
@@ -40,6 +44,10 @@ def _run(args) -> int:
 
     write(lambda: data, figure, args)
     rows = summary(data)
+    lost = int((data.outcome > Outcome.UNSTABLE_ROLL).sum())
+    if lost:
+        said = f"{lost} of {data.outcome.size} glides could not be computed to their end"
+        print(f"jaxglide: {said}", file=sys.stderr)
     published = args.height == 10.0
     flips = None
     if args.check:
@@ -50,10 +58,9 @@ def _run(args) -> int:
         if not published:
             for row in table:
                 row["published"] = None
-        print_json(
-            {"height": args.height, "seconds": took, "table": table, "borderline": flips}
-        )
-        return 0
+        result = {"height": args.height, "seconds": took, "table": table}
+        print_json({**result, "borderline": flips, "not_computed": lost})
+        return int(lost > 0)
     print(f"{data.outcome.size} glides from {args.height:g} m in {took:.1f} s with compilation")
     print(f"{'':22}{'f (Hz)':>8}{'region':>10}{'jaxglide':>10}{'published':>11}{'diff.':>8}")
     for name, f_theta, region, ours, theirs in rows:
@@ -67,4 +74,4 @@ def _run(args) -> int:
         print(f"{len(flips)} shapes change between stable and unstable at 1e-9:")
         for f_theta, theta_m, nu_theta in flips:
             print(f"  f {f_theta:.1f} Hz, theta_m {theta_m:.2f} deg, nu_theta {nu_theta:.2f}")
-    return 0
+    return int(lost > 0)

@@ -14,6 +14,7 @@ from ._options import (
     build_from,
     case_of,
     out_of,
+    refuse,
     setup_of,
     writable,
 )
@@ -115,6 +116,12 @@ def _run(args) -> int:
     if out.suffix not in _KINDS:
         raise UsageError(f"--out {out}: the name must end in {' or '.join(_KINDS)}")
     writable(out)
+    if out.suffix != ".png":
+        refuse(args, ("at",), "it is the time of a still (.png)")
+    if out.suffix == ".png":
+        refuse(args, ("frames_per_second",), "a still (.png) is one frame")
+    if out.suffix not in (".gif", ".mp4"):
+        refuse(args, ("playback",), "it is the speed of an animation (.gif or .mp4)")
     changes = _changes(args)
 
     from .. import view

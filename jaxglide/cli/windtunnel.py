@@ -1,6 +1,7 @@
 """`jaxglide windtunnel`."""
 
 import sys
+from typing import Any
 
 from ..parameters import HELD_SPEED, HELD_TOLERANCE, PARAMETERS, TUNNEL
 from ._options import (
@@ -54,7 +55,7 @@ def _run(args) -> int:
     glider, launch = build_from(args, speed=HELD_SPEED)
     angles = np.deg2rad([getattr(args, turn) for turn in _TURNS])
     options = {"angles": angles, "interval": args.interval, "max_time": args.max_time}
-    tolerances = {"rtol": HELD_TOLERANCE, "atol": HELD_TOLERANCE}
+    tolerances: dict[str, Any] = {"rtol": HELD_TOLERANCE, "atol": HELD_TOLERANCE}
     fallen = tunnel.fall(glider, launch, **options, **tolerances)
     outcome = Outcome(int(fallen.outcome))
     velocity = np.array([0.0, *np.asarray(fallen.state)[2:]])
@@ -93,7 +94,8 @@ def _run(args) -> int:
     else:
         _print(result, steady, float(launch.height), args.phases)
     if not landed:
-        print(f"jaxglide: the held glide {outcome}: no file was written", file=sys.stderr)
+        nothing = ": no file was written" if args.save or args.plot else ""
+        print(f"jaxglide: the held glide {outcome}{nothing}", file=sys.stderr)
     return missing(result) or int(not landed)
 
 

@@ -26,7 +26,7 @@ _GROWTH = 4.0  # of the penalty where a violation has not shrunk to a quarter
 _MULTIPLIERS_EVERY = 4  # steps between updates of the multipliers
 
 
-def _rule(optimiser, rate: float) -> optax.GradientTransformation:
+def rule_of(optimiser, rate: float) -> optax.GradientTransformation:
     """The optax rule of a name, or the one given."""
     if not isinstance(optimiser, str):
         return optimiser
@@ -112,11 +112,12 @@ class Ascent:
 
     def __init__(self, problem: Problem, points: np.ndarray, optimiser, rate: float):
         starts, m = len(points), len(problem.constraints)
+        self.low, self.high = problem.low, problem.high
         self.middle = (problem.low + problem.high) / 2
         self.half = (problem.high - problem.low) / 2
         most = 1 - _INSIDE
         self.u = np.arcsin(np.clip((points - self.middle) / self.half, -most, most))
-        rule = _rule(optimiser, rate)
+        rule = rule_of(optimiser, rate)
         self.state = jax.vmap(rule.init)(self.u)
         self._update = jax.jit(jax.vmap(rule.update))
         self.good = self.u.copy()  # where all was finite last
@@ -127,8 +128,8 @@ class Ascent:
 
     @property
     def points(self) -> np.ndarray:
-        """Parameters of all starts in their units, (S, n)."""
-        return self.middle + self.half * np.sin(self.u)
+        """Parameters of all starts in their units, within the bounds, (S, n)."""
+        return np.clip(self.middle + self.half * np.sin(self.u), self.low, self.high)
 
     def step(self, index: np.ndarray, found: Evaluation) -> np.ndarray:
         """Move the starts `index` (k,) by what was found there; norm of their slopes (k,).

@@ -14,7 +14,9 @@ from .problem import Evaluation, Problem
 RADIUS = 0.02
 """Half width of the neighbourhood, in ranges of the parameters."""
 
-_SAMPLES = 256  # a round
+SAMPLES = 256
+"""Points sampled in a round."""
+
 _NARROW = 0.03  # of the radius: the narrowest cloud
 _WORTH = 1e-3  # a relative gain worth another round
 _BARREN = 3  # rounds without one, after which it ends
@@ -47,7 +49,7 @@ def sample_uphill(
     evaluate: Callable[[np.ndarray], Evaluation],
     rounds: int,
     seed: int,
-    told: Callable[[float], None],
+    told: Callable[[int, np.ndarray, Evaluation], None],
 ) -> int:
     """Move a start to the best feasible of its neighbours until three rounds gain nothing.
 
@@ -58,23 +60,24 @@ def sample_uphill(
         evaluate: values at points (K, n).
         rounds: most rounds of 256 neighbours, half of them in ever narrower clouds.
         seed: of the samples.
-        told: called with the best value of all starts after each round.
+        told: called after each round with the start, the best of the round's points that meet
+            the constraints, (1, n), and what was found there.
 
     Returns:
         Rounds done.
     """
     rng, barren = np.random.default_rng([seed, 1]), 0
     for done in range(rounds):
-        radius = RADIUS * _NARROW ** rng.uniform(0, 1, (_SAMPLES, 1))
+        radius = RADIUS * _NARROW ** rng.uniform(0, 1, (SAMPLES, 1))
         radius[::2] = RADIUS
-        points = neighbours(problem, best.points[lead], radius, _SAMPLES, rng)
+        points = neighbours(problem, best.points[lead], radius, SAMPLES, rng)
         found = evaluate(points)
         met = found.finite & (found.slacks >= -FEASIBLE).all(axis=1)
         before = best.values[lead]
         k = np.array([np.argmax(np.where(met, found.values[:, 0], -np.inf))])
         only = Evaluation(found.values[k], found.gradients[k])
         best.update(np.array([lead]), points[k], only)
-        told(float(best.values[best.leader]))
+        told(lead, points[k], only)
         gained = best.values[lead] - before > _WORTH * abs(before)
         barren = 0 if gained else barren + 1
         if barren == _BARREN:

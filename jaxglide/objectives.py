@@ -15,9 +15,7 @@ ground; and `stability_margin`, zero at such a landing, goes on below zero in pr
 the height left.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -26,13 +24,15 @@ import numpy as np
 
 from ._checks import check_choice, check_range
 from ._numerics import safe_sqrt
+from ._objective import Constraint as Constraint
+from ._objective import Objective, Trial
 from ._types import Array, Float, Scalar
-from .dynamics import VELOCITY, Glider
+from .dynamics import Glider
 from .gait import bending
-from .glide import ANGLE_LIMIT, Glide, Outcome, simulate
+from .glide import ANGLE_LIMIT
 from .kinematics import backbone
 from .launch import Launch, published_speed
-from .snake import Sections, discretise
+from .snake import discretise
 from .trim import pitch_moment
 from .windtunnel import phases_of
 
@@ -41,161 +41,14 @@ _PHASES = 24  # of the waves, over which properties of the gait are averaged
 _APART = 0.15  # of the length, for parts of the body that might touch
 
 
-class Trial:
-    """A glider and launch under judgement; flies at most once, however many ask.
-
-    Args:
-        glider, launch: what is judged.
-        **options: how to solve; keyword arguments of `simulate`.
-    """
-
-    def __init__(self, glider: Glider, launch: Launch | None = None, **options):
-        self.glider = glider
-        self.launch = Launch() if launch is None else launch
-        self.options = options
-
-    @cached_property
-    def sections(self) -> Sections:
-        return discretise(self.glider.snake)
-
-    @cached_property
-    def glide(self) -> Glide:
-        return simulate(self.glider, self.launch, **self.options)
-
-    @cached_property
-    def landed(self) -> Array:
-        return self.glide.outcome == Outcome.LANDED
-
-    @cached_property
-    def height_left(self) -> Scalar:
-        """Height above the ground at the end [m], 0 for a landing."""
-        return jnp.where(self.landed, 0.0, jnp.maximum(self.glide.state[2], 0.0))
-
-    @cached_property
-    def drop_time(self) -> Scalar:
-        """Time that a body without air takes from the end to the ground [s]."""
-        v_z, gravity = self.glide.state[VELOCITY][2], self.glider.environment.gravity
-        root = safe_sqrt(v_z**2 + 2 * gravity * self.height_left)
-        # v_z + root without cancellation for a falling body
-        down = 2 * gravity * self.height_left / jnp.where(root > v_z, root - v_z, 1.0)
-        return jnp.where(self.height_left > 0, down / gravity, 0.0)
-
-    @cached_property
-    def distance(self) -> Scalar:
-        """Forward distance at the ground [m], continued."""
-        return self.glide.state[1] + self.drop_time * self.glide.state[VELOCITY][1]
-
-    @cached_property
-    def path_length(self) -> Scalar:
-        """Horizontal path length to the ground [m], continued."""
-        v_x, v_y, _ = self.glide.state[VELOCITY]
-        return self.glide.path_length + self.drop_time * safe_sqrt(v_x**2 + v_y**2)
-
-    @cached_property
-    def time(self) -> Scalar:
-        """Duration to the ground [s], continued."""
-        return self.glide.time + self.drop_time
-
-
-@dataclass(frozen=True)
-class Objective:
-    """A number to be made as large as possible, or kept in bounds.
-
-    Call it with a glider and a launch; options are those of `simulate`.
-
-    Args:
-        name: in a word, or as a sum of words.
-        unit: of its value.
-        function: of a `Trial`.
-        sense: 1 where more is better, -1 where less is.
-    """
-
-    name: str
-    unit: str
-    function: Callable[[Trial], Scalar]
-    sense: int = 1
-
-    def __call__(self, glider: Glider, launch: Launch | None = None, **options) -> Scalar:
-        return self.function(Trial(glider, launch, **options))
-
-    def __mul__(self, factor: float) -> "Objective":
-        weight = float(factor)
-        return Objective(
-            f"{weight:g} * {self.name}",
-            self.unit,
-            lambda trial: weight * self.function(trial),
-            self.sense if weight >= 0 else -self.sense,
-        )
-
-    __rmul__ = __mul__
-
-    def __add__(self, other: "Objective") -> "Objective":
-        return Objective(
-            f"{self.name} + {other.name}",
-            self.unit if self.unit == other.unit else "mixed",
-            lambda trial: self.function(trial) + other.function(trial),
-        )
-
-    def __neg__(self) -> "Objective":
-        return Objective(
-            f"-{self.name}", self.unit, lambda trial: -self.function(trial), -self.sense
-        )
-
-    def __sub__(self, other: "Objective") -> "Objective":
-        total = self + (-other)
-        return Objective(f"{self.name} - {other.name}", total.unit, total.function)
-
-    @property
-    def wanted(self) -> "Objective":
-        """The objective such that more is better."""
-        return self if self.sense > 0 else -self
-
-    def at_least(self, bound: float, scale: float = 1.0) -> "Constraint":
-        """The constraint that the value is `bound` or more; `scale` as in `Constraint`."""
-        return Constraint(self, float(bound), 1, float(scale))
-
-    def at_most(self, bound: float, scale: float = 1.0) -> "Constraint":
-        """The constraint that the value is `bound` or less."""
-        return Constraint(self, float(bound), -1, float(scale))
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """An inequality that a solution has to meet.
-
-    Args:
-        objective: what is constrained.
-        bound: in its unit.
-        side: 1 for at least, -1 for at most.
-        scale: a violation that weighs as much as one unit of what is optimised.
-
-    Raises:
-        ValueError: the bound is not finite or the scale not above 0.
-    """
-
-    objective: Objective
-    bound: float
-    side: int
-    scale: float
-
-    def __post_init__(self):
-        check_range(f"bound of {self.objective.name}", self.bound, self.objective.unit)
-        check_range(f"scale of {self.objective.name}", self.scale, "", 0, low_open=True)
-
-    def __str__(self) -> str:
-        return f"{self.objective.name} {'>=' if self.side > 0 else '<='} {self.bound:g}"
-
-    def slack(self, trial: Trial) -> Scalar:
-        """How far inside the bound the value lies, over the scale; negative outside."""
-        return self.side * (self.objective.function(trial) - self.bound) / self.scale
-
-
 def evaluate(
     objectives: Sequence[Objective], glider: Glider, launch: Launch | None = None, **options
 ) -> Float[Array, " k"]:
     """Values of several objectives from one glide, (k,)."""
+    if not objectives:
+        raise ValueError("there are no objectives to evaluate")
     trial = Trial(glider, launch, **options)
-    return jnp.stack([objective.function(trial) for objective in objectives])
+    return jnp.stack([objective.value(trial) for objective in objectives])
 
 
 VARIED = ("lift_scale", "drag_scale", "speed", "mass")
@@ -238,16 +91,18 @@ def varied(
     for name, values in factors.items():
         check_choice("factors", name, VARIED)
         check_range(f"factors of {name}", np.asarray(values), "", 0, 100, low_open=True)
-    lengths = {len(values) for values in factors.values()}
-    if len(lengths) != 1:
-        raise ValueError(f"factors have lengths {sorted(lengths)}: they must be one length")
-    ones = np.ones(lengths.pop())
+    shapes = {np.shape(values) for values in factors.values()}
+    if len(shapes) != 1 or min(map(len, shapes)) != 1 or shapes == {(0,)}:
+        raise ValueError(
+            f"factors have shapes {sorted(shapes)}: they must be one list each, of one length"
+        )
+    ones = np.ones(shapes.pop())
     table = np.stack([np.asarray(factors.get(name, ones), float) for name in VARIED], axis=1)
 
     def function(trial: Trial) -> Scalar:
         def one(row):
             changed = _multiplied(trial.glider, trial.launch, row)
-            return objective.function(Trial(*changed, **trial.options))
+            return objective.value(Trial(*changed, **trial.options))
 
         values = jax.vmap(one)(jnp.asarray(table))
         if how == "mean":

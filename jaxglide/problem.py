@@ -1,7 +1,8 @@
 """A problem of optimisation, and its values and gradients at many points (floor 5)."""
 
+import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -10,9 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ._checks import check_range
+from ._checks import check_range, warn_float32
+from ._objective import Constraint, Objective, Trial, plain
 from .cases import build, check_parameters, check_setup
-from .objectives import Constraint, Objective, Trial
 from .parameters import GRADIENT_SETUP as SETUP
 from .parameters import OBSERVED
 
@@ -42,7 +43,29 @@ class Evaluation(NamedTuple):
         return np.logical_and(ordinary, np.isfinite(self.gradients).all(axis=(1, 2)))
 
 
-@dataclass(frozen=True)
+def _bounds(free: Any) -> dict[str, tuple[float, float]]:
+    """Bounds by name, from those or from names alone; see `Problem`."""
+    if not isinstance(free, Mapping):
+        names = [free] if isinstance(free, str) else list(free)
+        for name in names:
+            if name not in OBSERVED:
+                known = ", ".join(OBSERVED)
+                raise ValueError(f"give bounds of {name!r}: ranges observed are of {known}")
+            if names.count(name) > 1:
+                raise ValueError(f"{name} is named twice among what is free")
+        free = {name: OBSERVED[name] for name in names}
+    if not free:
+        raise ValueError("no parameter is free")
+    bounds = {}
+    for name, ends in free.items():
+        check_parameters({name: ends})
+        if np.shape(ends) != (2,) or not ends[0] < ends[1]:
+            raise ValueError(f"bounds of {name} are {ends}, not lowest and highest")
+        bounds[name] = float(ends[0]), float(ends[1])
+    return bounds
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
     """What to make as large as possible, by changing what, within which limits.
 
@@ -56,8 +79,11 @@ class Problem:
         rtol, atol: tolerances of the glides.
         max_time: longest flight [s].
 
+    Problems are equal that ask the same, of the same objects as objective and constraints.
+
     Raises:
         ValueError: an unknown name, bounds out of range or without room between them.
+        TypeError: what is no objective or constraint.
     """
 
     objective: Objective
@@ -70,33 +96,45 @@ class Problem:
     max_time: float = 60.0
 
     def __post_init__(self):
-        free = self.free
-        if not isinstance(free, Mapping):
-            for name in free:
-                if name not in OBSERVED:
-                    known = ", ".join(OBSERVED)
-                    raise ValueError(f"give bounds of {name!r}: ranges observed are of {known}")
-            free = {name: OBSERVED[name] for name in free}
-        if not free:
-            raise ValueError("no parameter is free")
-        bounds = {name: tuple(map(float, ends)) for name, ends in free.items()}
-        for name, ends in bounds.items():
-            check_parameters({name: np.array(ends)})
-            if len(ends) != 2 or not ends[0] < ends[1]:
-                raise ValueError(f"bounds of {name} are {ends}, not lowest and highest")
-        fixed = {name: float(value) for name, value in (self.fixed or {}).items()}
+        if not isinstance(self.objective, Objective):
+            raise TypeError(f"objective = {self.objective!r} is not an Objective")
+        constraints = self.constraints
+        constraints = (constraints,) if isinstance(constraints, Constraint) else constraints
+        for constraint in constraints:
+            if not isinstance(constraint, Constraint):
+                raise TypeError(
+                    f"{constraint!r} is not a Constraint: say objective.at_least(bound)"
+                )
+        free, fixed = _bounds(self.free), dict(self.fixed or {})
         check_parameters(fixed)
-        for name in fixed:
-            if name in bounds:
+        for name, value in fixed.items():
+            if np.ndim(value):
+                raise ValueError(f"fixed {name} = {value!r} is not one number")
+            if name in free:
                 raise ValueError(f"{name} is both free and fixed")
         for name in ("rtol", "atol"):
             check_range(name, getattr(self, name), "", 0, 0.1, low_open=True)
         check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True)
         set_ = object.__setattr__
-        set_(self, "free", bounds)
-        set_(self, "fixed", fixed)
-        set_(self, "constraints", tuple(self.constraints))
+        for name in ("rtol", "atol", "max_time"):
+            set_(self, name, float(getattr(self, name)))
+        set_(self, "free", free)
+        set_(self, "fixed", {name: float(value) for name, value in fixed.items()})
+        set_(self, "constraints", tuple(constraints))
         set_(self, "setup", check_setup(SETUP | dict(self.setup or {})))
+
+    def _identity(self) -> tuple:
+        fixed, setup = (tuple(sorted(part.items())) for part in (self.fixed, self.setup))
+        asked = self.objective, tuple(self.free.items()), self.constraints, fixed, setup
+        return (*asked, self.rtol, self.atol, self.max_time)
+
+    def __eq__(self, other) -> bool:
+        if not isinstance(other, Problem):
+            return NotImplemented
+        return self._identity() == other._identity()
+
+    def __hash__(self) -> int:
+        return hash(self._identity())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,7 +163,26 @@ class Problem:
             max_time=self.max_time,
         )
         slacks = [constraint.slack(trial) for constraint in self.constraints]
-        return jnp.stack([self.objective.function(trial), *slacks])
+        return jnp.stack([self.objective.value(trial), *slacks])
+
+    def answer(self, found: Evaluation, count: int, gradients: bool) -> Evaluation:
+        """What an evaluator found at `count` points, in float64, checked.
+
+        Raises:
+            ValueError: arrays of another shape; gradients are dropped if not asked for.
+        """
+        if not isinstance(found, Evaluation):
+            raise TypeError(f"the evaluator gave a {type(found).__name__}, not an Evaluation")
+        shape = count, 1 + len(self.constraints)
+        full = *shape, len(self.names)
+        values, slopes = (np.asarray(part, float) for part in found)
+        slopes = slopes if gradients else np.empty((*shape, 0))
+        for what, array, right in (("values", values, shape), ("gradients", slopes, full)):
+            if array.shape != right and (gradients or array is values):
+                raise ValueError(
+                    f"the evaluator gave {what} of shape {array.shape}: {right} was asked for"
+                )
+        return Evaluation(values, slopes)
 
     def describe(self) -> dict[str, Any]:
         """The problem in plain values."""
@@ -134,13 +191,22 @@ class Problem:
         return {
             "objective": self.objective.name,
             "free": {name: list(ends) for name, ends in self.free.items()},
-            "constraints": [f"{c} (scale {c.scale:g})" for c in self.constraints],
+            "constraints": [f"{c} (scale {plain(c.scale)})" for c in self.constraints],
             "fixed": dict(self.fixed),
             "setup": dict(self.setup),
             "rtol": self.rtol,
             "atol": self.atol,
             "max_time": self.max_time,
         }
+
+
+def fingerprint(function: Callable, *arguments) -> str:
+    """A digest of what a function computes: of its compiled form, not of its name or text."""
+    traced = jax.jit(function).trace(*arguments)
+    digest = hashlib.sha256(traced.lower().as_text().encode())
+    for constant in traced.jaxpr.consts:
+        digest.update(np.asarray(constant).tobytes())
+    return digest.hexdigest()[:32]
 
 
 class Evaluator:
@@ -153,6 +219,9 @@ class Evaluator:
     """
 
     def __init__(self, problem: Problem, gradients: bool = True):
+        if not isinstance(problem, Problem):
+            raise TypeError(f"problem = {problem!r} is not a Problem")
+        warn_float32(problem.rtol, problem.atol)
         self.problem, self.width = problem, 0
 
         def one(x, rtol, atol):
@@ -171,11 +240,29 @@ class Evaluator:
         on_cpu = devices[0].platform == "cpu"
         self._workers = devices[:1] * (os.cpu_count() or 1) if on_cpu else devices
 
+    def fingerprint(self) -> str:
+        """A digest of all that is computed, down to the code of the user's own objective."""
+        return fingerprint(self.problem.values, self.problem.low)
+
     def __call__(self, points: np.ndarray, rtol=None, atol=None) -> Evaluation:
-        """Evaluate points (S, n) in batches; tolerances default to the problem's."""
+        """Evaluate points (S, n) in batches; tolerances default to the problem's.
+
+        Raises:
+            ValueError: points of another shape, out of a parameter's range or not finite.
+        """
         problem, workers = self.problem, self._workers
-        rtol = jnp.asarray(problem.rtol if rtol is None else rtol)
-        atol = jnp.asarray(problem.atol if atol is None else atol)
+        points, n = np.asarray(points, float), len(problem.names)
+        if points.ndim != 2 or points.shape[1] != n or not len(points):
+            raise ValueError(f"points of shape {points.shape} are not (S, {n}) or are none")
+        check_parameters(dict(zip(problem.names, points.T, strict=True)))
+        own = rtol is None and atol is None  # said when this was made
+        rtol = problem.rtol if rtol is None else rtol
+        atol = problem.atol if atol is None else atol
+        for name, value in (("rtol", rtol), ("atol", atol)):
+            check_range(name, value, "", 0, 0.1, low_open=True)
+        if not own:
+            warn_float32(rtol, atol)
+        rtol, atol = jnp.asarray(rtol), jnp.asarray(atol)
         if not self.width:  # kept, so that fewer points later compile nothing
             batches = -(-len(points) // (_LANES * len(workers))) * len(workers)
             self.width = -(-len(points) // batches)

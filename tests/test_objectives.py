@@ -3,16 +3,19 @@
 from itertools import combinations
 from types import SimpleNamespace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, objectives, parameters
+from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, _objective, parameters
 from jaxglide.cases import build, check_setup
 from jaxglide.kinematics import backbone
 from jaxglide.objectives import (
     OBJECTIVES,
+    Constraint,
+    Objective,
     Trial,
     clearance,
     curvature,
@@ -161,7 +164,7 @@ def test_objectives_together_fly_once(monkeypatch):
         count.append(options)
         return flown
 
-    monkeypatch.setattr(objectives, "simulate", once)
+    monkeypatch.setattr(_objective, "simulate", once)
     values = evaluate([landing_distance, sink_rate], glider_of(), Launch(10.0), rtol=1e-5)
     assert count == [{"rtol": 1e-5}]
     np.testing.assert_allclose(values, [5.0, 5.0])
@@ -216,8 +219,59 @@ def test_varied_objectives_are_means_and_worst_values():
         (lambda: varied(path_length, {"mass": [0.0]}), "factors of mass = 0"),
         (lambda: varied(path_length, {"mass": [1.0], "speed": [1, 1]}), "one length"),
         (lambda: varied(path_length, {"mass": [1.0]}, "best"), "how = 'best' is not one of"),
+        (lambda: varied(path_length, {"mass": []}), "one list each"),
+        (lambda: varied(path_length, {"mass": 1.0}), "one list each"),
+        (lambda: varied(path_length, {}), "one list each"),
+        (lambda: landing_distance.at_least("far"), "bound of landing_distance = 'far' is not"),
+        (lambda: landing_distance.at_most([1, 2]), "is .*, not one number"),
+        (lambda: Constraint(len, 1.0, 1, 1.0), "is not an Objective"),
+        (lambda: Constraint(landing_distance, 1.0, 2, 1.0), "side = 2 is neither"),
+        (lambda: Objective("far", "m", 3.0), "needs a name and a function"),
+        (lambda: Objective("far", "m", len, 0), "sense = 0 is neither"),
+        (lambda: landing_distance * "2", "unsupported|can't multiply"),
+        (lambda: landing_distance + "2", "unsupported operand"),
+        (lambda: landing_distance * landing_distance, "unsupported operand"),
+        (lambda: np.ones(2) * landing_distance, "unsupported operand"),
+        (lambda: landing_distance * np.nan, "a number beside an objective = nan"),
+        (lambda: landing_distance / 0, "1 / divisor of landing_distance = inf"),
+        (lambda: evaluate([], None), "no objectives"),
+        (lambda: Objective("all", "m", lambda _: jnp.ones(3)).value(None), "not one number"),
     ],
 )
 def test_bad_input_is_named(make, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         make()
+
+
+def test_numbers_are_added_to_objectives():
+    trial = ended(Outcome.LANDED, 0.0)
+    for made, value, name in (
+        (landing_distance * 2 + 1, 11.0, "2 * landing_distance + 1"),
+        (1 - landing_distance, -4.0, "-landing_distance + 1"),
+        (landing_distance - 0.25, 4.75, "landing_distance - 0.25"),
+        (np.float64(3) * landing_distance / 2, 7.5, "0.5 * 3 * landing_distance"),
+        (sum([landing_distance, path_length]), 10.5, "landing_distance + path_length"),
+    ):
+        assert float(made.value(trial)) == pytest.approx(value), name
+        assert made.name == name
+        assert made.unit == "m"
+    assert (sink_rate + 1).sense == (sink_rate + sink_rate).sense == -1
+    assert (1 - sink_rate).sense == (landing_distance - sink_rate).sense == 1
+
+
+def test_weights_and_bounds_are_named_exactly():
+    assert (landing_distance * 0.1234567891).name == "0.1234567891 * landing_distance"
+    assert str(landing_distance.at_least(10.0000001)) == "landing_distance >= 10.0000001"
+
+
+def test_without_gravity_a_tumble_goes_straight_on():
+    """From 6 m at 4 m/s downwards 1.5 s; upwards it never lands."""
+
+    def trial(v_z):
+        made = ended(Outcome.UNSTABLE_ROLL, 6.0, (0.5, 3.0, v_z))
+        made.glider = eqx.tree_at(lambda g: g.environment.gravity, made.glider, jnp.zeros(()))
+        return made
+
+    assert float(trial(-4.0).drop_time) == pytest.approx(1.5)
+    assert float(landing_distance.value(trial(-4.0))) == pytest.approx(9.5)
+    assert np.isinf(float(landing_distance.value(trial(4.0))))

@@ -108,9 +108,13 @@ def test_what_cannot_be_met_is_said():
 def test_steps_that_are_not_finite_are_skipped_and_counted():
     problem = problem_of()
     made = Made(problem, (0.3, 0.6), hole=np.array([0.6, 0.6]))
-    found = optimise(problem, starts=32, steps=200, evaluator=made)
+    found = optimise(problem, starts=32, screen=0, steps=200, evaluator=made)
     assert found.skipped > 0
-    assert found.evaluations == int((~np.isnan(found.history.point.values[..., 0])).sum())
+    tried = ~np.isnan(found.history.point.values[..., 0])
+    rounds = found.history.glides.values > 0
+    np.testing.assert_array_equal(tried.sum(axis=1)[~rounds], found.history.gradients[~rounds])
+    assert found.evaluations == int(found.history.gradients.sum())
+    assert set(found.history.glides.values[rounds]) == {256}
     np.testing.assert_allclose(place(problem, found.best), (0.3, 0.6), atol=5e-3)
 
 
@@ -125,24 +129,26 @@ def test_all_not_finite_is_said():
 
 def test_ctrl_c_keeps_the_best_and_the_log_goes_on(tmp_path):
     problem, log = problem_of(), tmp_path / "log.jsonl"
+    options = {"starts": 4, "screen": 0, "steps": 40}
     made = Made(problem, (0.3, 0.6))
-    whole = optimise(problem, starts=4, steps=40, evaluator=made)
-    assert made.calls > whole.history.sizes["step"]  # it polishes, too
+    whole = optimise(problem, **options, evaluator=made)
+    assert made.calls == whole.history.sizes["step"]
+    assert whole.history.glides.values[-1] == 256  # it polishes, too
     cut = Made(problem, (0.3, 0.6), stop_at=7)
-    part = optimise(problem, starts=4, steps=40, evaluator=cut, log=log)
+    part = optimise(problem, **options, evaluator=cut, log=log)
     assert (part.status == Status.INTERRUPTED).all()
     assert part.reason == "interrupted after 7 steps"
     assert part.value == np.nanmax(whole.history.value.values[:7])
     # killed in the middle of a line
     log.write_text(log.read_text() + '{"starts": [0, 1')
     rest = Made(problem, (0.3, 0.6))
-    again = optimise(problem, starts=4, steps=40, evaluator=rest, log=log)
+    again = optimise(problem, **options, evaluator=rest, log=log)
     assert rest.calls == made.calls - 7
     # killed while polishing
     kept = log.read_text().split("\n")
     log.write_text("\n".join(kept[:-2]) + "\n")
     last = Made(problem, (0.3, 0.6))
-    again = optimise(problem, starts=4, steps=40, evaluator=last, log=log)
+    again = optimise(problem, **options, evaluator=last, log=log)
     assert last.calls == 1
     xr.testing.assert_identical(
         again.history.drop_attrs(deep=False), whole.history.drop_attrs(deep=False)
@@ -150,25 +156,15 @@ def test_ctrl_c_keeps_the_best_and_the_log_goes_on(tmp_path):
     assert again.best == whole.best
     # and once more, computing nothing
     none = Made(problem, (0.3, 0.6), stop_at=0)
-    assert optimise(problem, starts=4, steps=40, evaluator=none, log=log).best == whole.best
+    assert optimise(problem, **options, evaluator=none, log=log).best == whole.best
 
 
-def test_other_logs_and_damaged_ones_are_refused(tmp_path):
-    problem, log = problem_of(), tmp_path / "log.jsonl"
-    options = {"starts": 2, "steps": 3, "log": log}
-    optimise(problem, **options, evaluator=Made(problem, (0.3, 0.6)))
-    kept = log.read_text()
-    with pytest.raises(ValueError, match="log of another optimisation"):
-        optimise(problem, **options, seed=3, evaluator=Made(problem, (0.3, 0.6)))
-    lines = kept.split("\n")
-    log.write_text("\n".join([lines[0], lines[1][:30], *lines[2:]]))
-    with pytest.raises(ValueError, match="is damaged"):
-        optimise(problem, **options, evaluator=Made(problem, (0.3, 0.6)))
-    other = json.loads(lines[1])
-    other["starts"] = [1, 0]
-    log.write_text("\n".join([lines[0], json.dumps(other), *lines[2:]]))
-    with pytest.raises(ValueError, match="other starts in line 2"):
-        optimise(problem, **options, evaluator=Made(problem, (0.3, 0.6)))
+def test_before_the_first_step_ctrl_c_is_raised():
+    problem = problem_of()
+    for screen in (0, 8):
+        cut = Made(problem, (0.3, 0.6), stop_at=screen // 8)
+        with pytest.raises(KeyboardInterrupt):
+            optimise(problem, starts=4, screen=screen, evaluator=cut)
 
 
 def test_screening_starts_from_the_best_of_many(tmp_path):
@@ -178,7 +174,9 @@ def test_screening_starts_from_the_best_of_many(tmp_path):
     found = optimise(problem, **options, evaluator=made, screener=Made(problem, (0.3, 0.6)))
     assert made.calls == 3
     first = found.history.point.values[0]
-    tried = np.array(json.loads(log.read_text().split("\n")[1])["values"])[:, 0]
+    screened = json.loads(log.read_text().split("\n")[1])
+    assert np.shape(screened["gradients"]) == (64, 1, 0)
+    tried = np.array(screened["values"])[:, 0]
     assert tried.shape == (64,)
     np.testing.assert_allclose(found.history.value.values[0], np.sort(tried)[::-1][:4])
     assert len(np.unique(first, axis=0)) == 4
@@ -265,6 +263,10 @@ def polished(problem, value, rounds=8, middle=(0.5, 0.5)):
     `value` gives objective and slacks, (K, 1 + m), of points z.
     """
     z0 = np.array([middle])
+
+    def note(*_):
+        told.append(float(best.values[best.leader]))
+
     best = Best(1, 2, len(problem.constraints), 1e-3)
     width, clouds, told = problem.high - problem.low, [], []
 
@@ -277,7 +279,7 @@ def polished(problem, value, rounds=8, middle=(0.5, 0.5)):
     first = Evaluation(start, np.zeros((*start.shape, 2)))
     best.update(np.array([0]), problem.low + z0 * width, first)
     done = sum(
-        sample_uphill(problem, best, lead, evaluate, rounds, 0, told.append)
+        sample_uphill(problem, best, lead, evaluate, rounds, 0, note)
         for lead in summits(problem, best)
     )
     return done, told, np.array(clouds), (best.points[0] - problem.low) / width
@@ -316,7 +318,8 @@ def test_rounds_that_are_left_go_to_the_next_best_start():
             slope = np.where(z[:, 0] > 0.5, 1.0, 0.5 + z[:, 0] * z[:, 1] * 4)
             return Evaluation(slope[:, None], np.zeros((len(z), 1, 2)))
 
-    options = {"starts": 16, "steps": 1, "evaluator": Cliff(problem, (0.3, 0.6))}
+    options = {"starts": 16, "screen": 0, "steps": 1}
+    options["evaluator"] = Cliff(problem, (0.3, 0.6))
     few, some, many = (optimise(problem, polish=n, **options) for n in (3, 5, 40))
     assert many.value > few.value + 0.1
     rounds = [
@@ -367,22 +370,40 @@ def test_verification_solves_finely_and_finds_better_neighbours():
     assert beside.gain == pytest.approx(beside.nearby / beside.value - 1)
     assert beside.gain > 0.01
     assert place(problem, dict(zip(problem.names, beside.at, strict=True)))[1] > 0.4
+    outside = verify(CONSTRAINED, summit, samples=8, screener=Made(CONSTRAINED, (0, 0), -1.0))
+    assert np.isnan([outside.nearby, outside.gain]).all()
+
+
+@pytest.mark.parametrize(
+    ("point", "message"),
+    [
+        ([90.0], r"point has shape \(1,\): it must be \(2,\)"),
+        ({"theta_m": 90.0}, "a point lacks nu_theta"),
+        ({"theta_m": 90.0, "nu_theta": 1.6}, r"point of nu_theta = 1.6 .*\[1, 1.5\]"),
+    ],
+)
+def test_a_bad_point_to_verify_is_named(point, message):
+    with pytest.raises(ValueError, match=message):
+        verify(problem_of(), point, screener=Made(problem_of(), (0, 0)))
 
 
 def test_ctrl_c_while_polishing_keeps_the_best():
     problem = problem_of()
     made = Made(problem, (0.3, 0.6), stop_at=3)
-    found = optimise(problem, starts=4, steps=3, evaluator=made)
+    found = optimise(problem, starts=4, screen=0, steps=3, evaluator=made)
     assert "interrupted while sampling around the best" in found.reason
     assert found.feasible
 
 
 def test_the_history_is_labelled(tmp_path):
     found = optimise(
-        CONSTRAINED, starts=4, steps=6, evaluator=Made(CONSTRAINED, (0.3, 0.4), 0.5)
+        CONSTRAINED, starts=4, steps=6, polish=2, evaluator=Made(CONSTRAINED, (0.3, 0.4), 0.5)
     )
     data = found.history
-    assert dict(data.sizes) == {"step": 6, "start": 4, "parameter": 2}
+    assert dict(data.sizes) == {"step": 8, "start": 4, "parameter": 2}
+    assert data.gradients.values.tolist() == [4] * 6 + [0] * 2
+    assert data.glides.values.tolist() == [0] * 6 + [256] * 2
+    assert int(np.isfinite(data.value.values[6:]).sum()) == 2
     assert data.parameter.values.tolist() == ["theta_m", "nu_theta"]
     assert data.unit.values.tolist() == ["deg", "1"]
     assert data.value.attrs == {"units": "m", "long_name": "landing_distance"}
@@ -390,7 +411,7 @@ def test_the_history_is_labelled(tmp_path):
         "stability_margin >= 1 (scale 1)"
     ]
     inside = (data.point >= data.low) & (data.point <= data.high)
-    assert bool(inside.all())
+    assert bool(inside.isel(step=slice(6)).all())
     assert len(np.unique(data.point.values[0], axis=0)) == 4
     data.to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "h.nc", engine="h5netcdf") as back:
@@ -461,11 +482,59 @@ def test_the_best_elevation_of_a_throw(thrown, evaluator):
         (({"foo": (0, 1)},), "no parameter 'foo'"),
         (({"theta_m": (100, 90)},), "bounds of theta_m are .* not lowest and highest"),
         (({"theta_m": (100, 900)},), "theta_m = 900 deg"),
+        (({"theta_m": 90},), "bounds of theta_m are 90, not"),
+        (({"theta_m": (80, 90, 100)},), "bounds of theta_m are .*, not"),
+        (({"theta_m": ("80", "x")},), "theta_m = .* is not a number"),
+        ((("theta_m", "theta_m"),), "theta_m is named twice"),
+        (("speed",), "give bounds of 'speed'"),
+        ((FREE, [landing_distance]), "is not a Constraint"),
+        ((FREE, (), {"height": [1, 2]}), r"fixed height = \[1, 2\] is not one number"),
+        ((FREE, (), {"height": "low"}), "height = 'low' is not a number"),
     ],
 )
 def test_bad_problems_are_named(arguments, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         Problem(landing_distance, *arguments)
+    with pytest.raises(TypeError, match="is not an Objective"):
+        Problem(len, FREE)
+
+
+def test_problems_are_equal_that_ask_the_same():
+    one, two = problem_of(), problem_of()
+    assert one == two
+    assert hash(one) == hash(two)
+    others = [
+        Problem(landing_distance, dict(reversed(FREE.items()))),
+        Problem(landing_distance, FREE, rtol=1e-6),
+        Problem(landing_distance, FREE, fixed={"height": 3.0}),
+        CONSTRAINED,
+    ]
+    assert one not in others
+    assert one != "a problem"
+
+
+def test_numbers_of_numpy_are_plain_in_a_problem_and_its_log(tmp_path):
+    setup = {"polar": "smooth", "node_set": "gauss", "nodes": np.int64(20)}
+    free = {"theta_m": np.float32([80, 120]), "nu_theta": np.array([1.0, 1.5])}
+    fixed = {"height": np.float32(3)}
+    problem = Problem(landing_distance, free, (), fixed, setup, np.float32(1e-6))
+    made = Made(problem, (0.3, 0.6))
+    options = {"starts": np.int64(2), "steps": np.int32(2), "rate": np.float32(0.1)}
+    log = tmp_path / "log.jsonl"
+    found = optimise(problem, **options, seed=np.int64(1), log=log, evaluator=made)
+    assert json.loads(found.history.attrs["problem"])["free"]["theta_m"] == [80, 120]
+    assert json.loads(log.read_text().split("\n")[0])["asked"]["setup"]["nodes"] == 20
+
+
+class Flat:
+    """An evaluator that answers in shapes of its own."""
+
+    def __init__(self, values, parameters):
+        self.shape = values, parameters
+
+    def __call__(self, points):
+        shape = len(points), *self.shape
+        return Evaluation(np.ones(shape[:2]), np.ones(shape))
 
 
 @pytest.mark.parametrize(
@@ -478,12 +547,23 @@ def test_bad_problems_are_named(arguments, message):
         ({"tolerance": -1.0}, "tolerance = -1"),
         ({"patience": 0}, "patience = 0"),
         ({"polish": -1}, "polish = -1"),
+        ({"seed": -1}, "seed = -1 is not allowed"),
+        ({"starts": 8, "screen": 8}, "screen = 8 .* more than starts = 8, or 0"),
+        ({"optimiser": "lbfgs", "rate": 0.1}, "rate = 0.1 is Adam's"),
+        ({"optimiser": optax.adam}, "neither one of adam, lbfgs nor an optax"),
+        ({"optimiser": optax.lbfgs()}, r"its update\(gradient, state, parameters\) fails"),
+        ({"guesses": {"theta_m": 90.0}}, "not a list of values by name"),
+        ({"evaluator": Made(problem_of(), (0, 0))}, "evaluator is that of another problem"),
+        ({"evaluator": lambda points: (points, points)}, "gave a tuple, not an Evaluation"),
+        ({"evaluator": Flat(3, 2)}, r"values of shape \(64, 3\): \(64, 1\) was asked for"),
+        ({"evaluator": Flat(1, 3)}, r"gradients of shape \(64, 1, 3\): \(64, 1, 2\) was"),
     ],
 )
 def test_bad_options_are_named(options, message):
-    problem = problem_of()
-    with pytest.raises(ValueError, match=message):
-        optimise(problem, evaluator=Made(problem, (0, 0)), **options)
+    problem = Problem(landing_distance, FREE, fixed={"height": 3.0})
+    options = {"evaluator": Made(problem, (0, 0)), "screen": 0, **options}
+    with pytest.raises((ValueError, TypeError), match=message):
+        optimise(problem, **options)
 
 
 def test_fixed_and_free_do_not_mix():

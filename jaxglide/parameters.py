@@ -76,6 +76,9 @@ SOLVER: dict[str, Parameter] = {
 }
 """How a glide is solved."""
 
+SEARCH_TOLERANCE = 1e-7
+"""Of the glides that an optimisation flies, relative and absolute."""
+
 HELD_SPEED = 1.7
 """Forward speed at which the published held glides start [m/s]."""
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from ._checks import check_range, warn_float32
 from ._objective import Constraint, Objective, Trial, plain
-from .cases import build, check_parameters, check_setup
+from .cases import as_number, build, check_parameters, check_setup
 from .parameters import GRADIENT_SETUP as SETUP
-from .parameters import OBSERVED
+from .parameters import OBSERVED, SEARCH_TOLERANCE
 
 _LANES = 16  # points per core in one batch
 
@@ -91,8 +91,8 @@ class Problem:
     constraints: tuple[Constraint, ...] = ()
     fixed: Mapping[str, float] | None = None
     setup: Mapping[str, Any] | None = None
-    rtol: float = 1e-7
-    atol: float = 1e-7
+    rtol: float = SEARCH_TOLERANCE
+    atol: float = SEARCH_TOLERANCE
     max_time: float = 60.0
 
     def __post_init__(self):
@@ -106,10 +106,9 @@ class Problem:
                     f"{constraint!r} is not a Constraint: say objective.at_least(bound)"
                 )
         free, fixed = _bounds(self.free), dict(self.fixed or {})
+        fixed = {name: as_number(name, value) for name, value in fixed.items()}
         check_parameters(fixed)
-        for name, value in fixed.items():
-            if np.ndim(value):
-                raise ValueError(f"fixed {name} = {value!r} is not one number")
+        for name in fixed:
             if name in free:
                 raise ValueError(f"{name} is both free and fixed")
         for name in ("rtol", "atol"):
@@ -119,7 +118,7 @@ class Problem:
         for name in ("rtol", "atol", "max_time"):
             set_(self, name, float(getattr(self, name)))
         set_(self, "free", free)
-        set_(self, "fixed", {name: float(value) for name, value in fixed.items()})
+        set_(self, "fixed", fixed)
         set_(self, "constraints", tuple(constraints))
         set_(self, "setup", check_setup(SETUP | dict(self.setup or {})))
 

@@ -488,7 +488,7 @@ def test_the_best_elevation_of_a_throw(thrown, evaluator):
         ((("theta_m", "theta_m"),), "theta_m is named twice"),
         (("speed",), "give bounds of 'speed'"),
         ((FREE, [landing_distance]), "is not a Constraint"),
-        ((FREE, (), {"height": [1, 2]}), r"fixed height = \[1, 2\] is not one number"),
+        ((FREE, (), {"height": [1, 2]}), r"height = \[1, 2\] is not one number"),
         ((FREE, (), {"height": "low"}), "height = 'low' is not a number"),
     ],
 )

@@ -16,6 +16,7 @@ from ..parameters import (
     OBJECTIVES,
     PARAMETERS,
     SOLVER,
+    TOLERANCE,
     TUNNEL,
     Parameter,
 )
@@ -147,10 +148,10 @@ def check_ranges(args) -> None:
             check_number(option, getattr(args, name), _RANGES[name])
 
 
-def add_tolerances(parser: argparse.ArgumentParser) -> None:
+def add_tolerances(parser: argparse.ArgumentParser, default: float = TOLERANCE) -> None:
     group = parser.add_argument_group("solver")
     for name, p in SOLVER.items():
-        add_number(group, name, p, default=p.default)
+        add_number(group, name, p._replace(default=default), default=default)
 
 
 def add_output(
@@ -216,12 +217,18 @@ def add_objective(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help=text)
 
 
+def free_of(args) -> list[str]:
+    """Names given with --free."""
+    return list(by_name("--free", ((name.strip(), None) for name in args.free.split(","))))
+
+
 def fixed_of(args) -> dict[str, float]:
     """Values given with --fix, by name."""
-    return by_name("--fix", (_pair("--fix", text) for text in args.fix))
+    return by_name("--fix", (pair("--fix", text) for text in args.fix))
 
 
-def _pair(option: str, text: str) -> tuple[str, float]:
+def pair(option: str, text: str) -> tuple[str, float]:
+    """Name and number of NAME=VALUE."""
     name, _, value = text.partition("=")
     try:
         return name, float(value)

@@ -1,7 +1,22 @@
 """`jaxglide gradient`."""
 
+import math
+import sys
+from typing import Any
+
 from ..parameters import GRADIENT_SETUP, PARAMETERS
-from ._options import add_objective, add_output, add_setup, fixed_of, print_json, setup_of
+from ._options import (
+    add_objective,
+    add_output,
+    add_setup,
+    fixed_of,
+    free_of,
+    print_json,
+    setup_of,
+)
+
+_ONE_SIDED = (-25 / 12, 4.0, -3.0, 4 / 3, -1 / 4)
+"""Weights of the differences of fourth order at 0 to 4 steps."""
 
 
 def add(commands) -> None:
@@ -10,7 +25,7 @@ def add(commands) -> None:
         "gradient",
         help="the gradient of an objective, with its check",
         description="The exact gradient of an objective with respect to chosen parameters, in "
-        "their units, beside central differences of glides solved at 1e-11.",
+        "their units, beside differences of glides solved at 1e-11.",
     )
     add_objective(parser)
     add_setup(parser, **GRADIENT_SETUP)
@@ -18,54 +33,90 @@ def add(commands) -> None:
     parser.set_defaults(run=_run)
 
 
-def _run(args) -> int:
+def _point(names: list[str], fixed: dict[str, float]) -> dict[str, float]:
+    """Where the gradient is taken: the values of the free parameters by name, checked."""
+    from ..cases import check_parameters, full_case
+
+    case = full_case(fixed)
+    for name in names:
+        if name in PARAMETERS and case[name] is None:
+            raise ValueError(f"{name} follows from other parameters: give its value too")
+    point = {name: case.get(name) for name in names}
+    check_parameters(point)
+    return point
+
+
+def _stencil(name: str, value: float) -> tuple[float, tuple[int, ...], tuple[float, ...]]:
+    """Step, places in steps, and weights of differences of fourth order about a value; on one
+    side of it where the parameter's range ends on the other."""
+    p = PARAMETERS[name]
+    step = 1e-4 * max(abs(value), min(0.1, p.default or 0.1))
+    if value - 2 * step <= p.low:
+        return step, (0, 1, 2, 3, 4), _ONE_SIDED
+    if value + 2 * step >= p.high:
+        return step, (0, -1, -2, -3, -4), tuple(-weight for weight in _ONE_SIDED)
+    return step, (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
+
+
+def _found(args) -> tuple[float, dict[str, dict[str, Any]]]:
+    """The value of the objective, and the rows of the table by name."""
     import numpy as np
 
-    from ..cases import full_case
     from ..objectives import OBJECTIVES
     from ..problem import Evaluator, Problem
 
-    objective = OBJECTIVES[args.objective]
-    names = args.free.split(",")
     fixed = fixed_of(args)
-    case = full_case(fixed)
-    for name in names:
-        if name not in PARAMETERS:
-            raise ValueError(
-                f"there is no parameter {name!r}: known are {', '.join(PARAMETERS)}"
-            )
-        if case[name] is None:
-            raise ValueError(f"{name} follows from other parameters: give its value too")
-    point = np.array([case[name] for name in names])
-    steps = 1e-4 * np.maximum(np.abs(point), 0.1)
+    at = _point(free_of(args), fixed)
+    stencils = {name: _stencil(name, value) for name, value in at.items()}
     free = {
-        name: (value - 3 * step, value + 3 * step)
-        for name, value, step in zip(names, point, steps, strict=True)
+        name: (at[name] + step * min(0, *places), at[name] + step * max(0, *places))
+        for name, (step, places, _) in stencils.items()
     }
-    rest = {name: value for name, value in fixed.items() if name not in names}
-    problem = Problem(objective, free, fixed=rest, setup=setup_of(args))
-    found = Evaluator(problem)(point[None], rtol=1e-11, atol=1e-11)
-    value, gradient = float(found.values[0, 0]), found.gradients[0, 0]
-    moves = np.concatenate([k * np.diag(steps) for k in (-2, -1, 1, 2)])
-    near = Evaluator(problem, gradients=False)(point + moves, rtol=1e-11, atol=1e-11)
-    far_left, left, right, far_right = near.values[:, 0].reshape(4, -1)
-    differences = (8 * (right - left) - (far_right - far_left)) / (12 * steps)
-    failed = int(not np.isfinite([value, *gradient]).all())
-    units = [PARAMETERS[name].unit or "1" for name in names]
-    if args.json:
-        rows = {
-            name: {"at": float(x), "gradient": float(g), "difference": float(d), "unit": unit}
-            for name, x, g, d, unit in zip(
-                names, point, gradient, differences, units, strict=True
-            )
+    rest = {name: value for name, value in fixed.items() if name not in at}
+    problem = Problem(OBJECTIVES[args.objective], free, fixed=rest, setup=setup_of(args))
+    here = np.array(list(at.values()))
+    found = Evaluator(problem)(here[None], rtol=1e-11, atol=1e-11)
+    moves = [
+        place * step * np.eye(len(at))[k]
+        for k, (step, places, _) in enumerate(stencils.values())
+        for place in places
+    ]
+    near = Evaluator(problem, gradients=False)(here + np.array(moves), rtol=1e-11, atol=1e-11)
+    rows, taken = {}, 0
+    for k, (name, (step, places, weights)) in enumerate(stencils.items()):
+        values = near.values[taken : taken + len(places), 0]
+        taken += len(places)
+        rows[name] = {
+            "at": float(at[name]),
+            "gradient": float(found.gradients[0, 0, k]),
+            "difference": float(np.dot(weights, values) / step),
+            "unit": PARAMETERS[name].unit or "1",
         }
-        result = {"objective": args.objective, "value": value, "unit": objective.unit}
+    return float(found.values[0, 0]), rows
+
+
+def _run(args) -> int:
+    from ..objectives import OBJECTIVES
+
+    value, rows = _found(args)
+    unit = OBJECTIVES[args.objective].unit
+    if args.json:
+        result = {"objective": args.objective, "value": value, "unit": unit}
         print_json({**result, "gradient": rows})
-        return failed
-    print(f"{args.objective} {value:.8g} {objective.unit}".rstrip())
-    print(f"{'':14}{'at':>12}{'gradient':>16}{'by differences':>16}{'apart':>10}  unit")
-    for name, x, g, d, unit in zip(names, point, gradient, differences, units, strict=True):
-        apart = abs(g - d) / max(abs(d), 1e-300)
-        over = f"{objective.unit or '1'} per {unit}"
-        print(f"{name:14}{x:12.6g}{g:16.8g}{d:16.8g}{apart:10.1e}  {over}")
-    return failed
+    else:
+        print(f"{args.objective} {value:.8g} {unit}".rstrip())
+        print(f"{'':14}{'at':>12}{'gradient':>16}{'by differences':>16}{'apart':>10}  unit")
+        for name, row in rows.items():
+            gradient, difference = row["gradient"], row["difference"]
+            apart = abs(gradient - difference) / max(abs(difference), 1e-300)
+            print(
+                f"{name:14}{row['at']:12.6g}{gradient:16.8g}{difference:16.8g}{apart:10.1e}"
+                f"  {unit or '1'} per {row['unit']}"
+            )
+    lost = [name for name, row in rows.items() if not math.isfinite(row["gradient"])]
+    if not math.isfinite(value):
+        print(f"jaxglide: {args.objective} is not a number there", file=sys.stderr)
+    elif lost:
+        by = ", ".join(lost)
+        print(f"jaxglide: the gradient by {by} is not a number there", file=sys.stderr)
+    return int(bool(lost) or not math.isfinite(value))

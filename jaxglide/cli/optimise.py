@@ -1,23 +1,31 @@
 """`jaxglide optimise`."""
 
+import math
+import sys
 from pathlib import Path
+from typing import Any
 
-from ..parameters import GRADIENT_SETUP, OBSERVED, PARAMETERS
+from ..parameters import GRADIENT_SETUP, OBSERVED, PARAMETERS, SEARCH_TOLERANCE
 from ._options import (
     UsageError,
-    a_number,
     add_objective,
     add_output,
     add_setup,
+    add_tolerances,
     announce,
+    by_name,
     drawn_files,
     fixed_of,
+    free_of,
+    pair,
     print_json,
     setup_of,
     whole,
     write,
     write_drawing,
 )
+
+_EFFORT = ("starts", "screen", "steps", "polish", "optimiser", "seed")
 
 
 def add(commands) -> None:
@@ -43,7 +51,7 @@ def add(commands) -> None:
     group.add_argument("--margin", default="10", metavar="X", help=text)
     text = "least distance between parts of the body, in its greatest chords (1); 'none'"
     group.add_argument("--clearance", default="1", metavar="X", help=text)
-    group.add_argument("--starts", type=whole, default=64, metavar="N", help="starts (64)")
+    group.add_argument("--starts", type=whole, metavar="N", help="starts (64)")
     group.add_argument(
         "--guess",
         action="append",
@@ -51,16 +59,16 @@ def add(commands) -> None:
         metavar="NAME=X,...",
         help="a point to start from too, of all free parameters; may be given again",
     )
-    text = "gaits flown first, of which the best are the starts (512)"
-    group.add_argument("--screen", type=whole, default=512, metavar="N", help=text)
-    group.add_argument("--steps", type=whole, default=100, metavar="N", help="most steps (100)")
+    text = "gaits flown first, of which the best are the starts; 0 for none (512)"
+    group.add_argument("--screen", type=whole, metavar="N", help=text)
+    group.add_argument("--steps", type=whole, metavar="N", help="most steps (100)")
     text = "most rounds of sampling around the best three at the end (20)"
-    group.add_argument("--polish", type=whole, default=20, metavar="N", help=text)
-    group.add_argument("--optimiser", choices=("adam", "lbfgs"), default="adam", help="(adam)")
-    group.add_argument("--seed", type=whole, default=0, metavar="N", help="of the starts (0)")
+    group.add_argument("--polish", type=whole, metavar="N", help=text)
+    group.add_argument("--optimiser", choices=("adam", "lbfgs"), help="(adam)")
+    group.add_argument("--seed", type=whole, metavar="N", help="of the starts (0)")
     text = "keep evaluations here; the same command goes on from them"
     group.add_argument("--log", type=Path, metavar="FILE", help=text)
-    group.add_argument("--rtol", type=a_number, default=1e-7, help="tolerance of a step (1e-7)")
+    add_tolerances(parser, SEARCH_TOLERANCE)
     add_setup(parser, **GRADIENT_SETUP)
     add_output(parser, endings=("", "_paths", "_glides"))
     parser.set_defaults(run=_run)
@@ -68,15 +76,16 @@ def add(commands) -> None:
 
 def _bounds(args) -> dict[str, tuple[float, float]]:
     """Bounds by name of the free parameters."""
-    given = {}
-    for text in args.bounds:
+
+    def named(text: str) -> tuple[str, tuple[float, float]]:
         name, _, ends = text.partition("=")
         try:
             low, high = map(float, ends.split(":"))
         except ValueError:
             raise UsageError(f"{text!r} is not NAME=LOW:HIGH") from None
-        given[name] = low, high
-    names = args.free.split(",")
+        return name, (low, high)
+
+    given, names = by_name("--bounds", map(named, args.bounds)), free_of(args)
     for name in given:
         if name not in names:
             raise UsageError(f"--bounds {name}: it is not free")
@@ -88,14 +97,10 @@ def _bounds(args) -> dict[str, tuple[float, float]]:
 
 def _guesses(args) -> list[dict[str, float]]:
     """Points by name of the free parameters."""
-    given = []
-    for text in args.guess:
-        try:
-            pairs = [part.split("=") for part in text.split(",")]
-            given.append({name: float(value) for name, value in pairs})
-        except ValueError:
-            raise UsageError(f"{text!r} is not NAME=X,...") from None
-    return given
+    return [
+        by_name("--guess", (pair("--guess", part) for part in text.split(",")))
+        for text in args.guess
+    ]
 
 
 def _constraints(args):
@@ -118,103 +123,142 @@ def _constraints(args):
 
 
 def _fly(problem, case):
-    """The glide of a case with its trajectory."""
+    """The glide of a case with its trajectory, solved as the problem says."""
     from ..cases import build
     from ..glide import simulate
 
-    return simulate(*build(case, problem.setup), dense=True)
+    options = {"rtol": problem.rtol, "atol": problem.atol, "max_time": problem.max_time}
+    return simulate(*build(case, problem.setup), **options, dense=True)
 
 
-def _pictures(args, problem, found, best) -> None:
+def _draw(args, problem, found, best) -> None:
     """Convergence, paths of the starts, and the best glide beside the published one."""
     from ..plot import before_and_after, convergence, paths
 
-    fixed = {name: x for name, x in problem.fixed.items() if name in ("height", "speed")}
     progress, across, glides = drawn_files(args)
     write_drawing(progress, convergence(found.history), args)
     if len(problem.names) > 1:
         write_drawing(across, paths(found.history), args)
+    if best is None:
+        print("jaxglide: no picture of the best glide: there is none", file=sys.stderr)
+        return
+    fixed = {name: x for name, x in problem.fixed.items() if name in ("height", "speed")}
     usual = _fly(problem, fixed)
     write_drawing(glides, before_and_after(usual, best, ("published", "best")), args)
 
 
-def _run(args) -> int:
-    import numpy as np
-
-    from .._ascent import FEASIBLE
-    from ..extrapolation import extrapolation
+def _problem(args):
+    """What is asked for."""
     from ..objectives import OBJECTIVES
-    from ..optimise import Status, optimise, verify
-    from ..problem import Evaluator, Problem
+    from ..problem import Problem
 
-    problem = Problem(
+    return Problem(
         OBJECTIVES[args.objective].wanted,
         _bounds(args),
         _constraints(args),
         fixed=fixed_of(args),
         setup=setup_of(args),
         rtol=args.rtol,
-        atol=args.rtol,
+        atol=args.atol,
     )
+
+
+def _table(args, found) -> None:
+    """Print the best starts and the best of all."""
+    import numpy as np
+
+    from .._ascent import FEASIBLE
+    from ..objectives import OBJECTIVES
+    from ..optimise import Status
+
+    names, sense = found.problem.names, OBJECTIVES[args.objective].sense
+    unmet = found.history.best_violation.values > FEASIBLE
+    unit = OBJECTIVES[args.objective].unit
+    heads = [f"{args.objective} ({unit})" if unit else args.objective]
+    heads += [f"{n} ({PARAMETERS[n].unit})" if PARAMETERS[n].unit else n for n in names]
+    print("  ".join(f"{head:>18}" for head in (*heads, "start")))
+    for k in np.lexsort((-found.values, unmet))[:10]:
+        if np.isfinite(found.values[k]):
+            cells = (sense * found.values[k], *found.points[k])
+            row = "  ".join(f"{value:18.4f}" for value in cells)
+            print(f"{row}  {Status(int(found.status[k]))!s:>18}")
+    print(found)
+
+
+def _plain(args, found, sense: int) -> dict[str, Any]:
+    """What was found as one JSON object."""
+    from ..optimise import Status
+
+    return {
+        "objective": args.objective,
+        "value": sense * found.value,
+        "feasible": found.feasible,
+        "best": found.best,
+        "slacks": found.slacks.tolist(),
+        "reason": found.reason,
+        "gradients": found.evaluations,
+        "not_finite": found.skipped,
+        "status": {str(s): int((found.status == s).sum()) for s in Status},
+    }
+
+
+def _checked(args, found, checked, beyond, sense: int) -> None:
+    """Print what a finer solution and other gaits nearby say."""
+    from ..objectives import OBJECTIVES
+
+    if beyond.either > 0:
+        print(f"  note: {beyond}")
+    unit = OBJECTIVES[args.objective].unit
+    print(f"  at 1e-9 {sense * checked.value:.6g} {unit};".replace(" ;", ";"), end=" ")
+    if math.isnan(checked.gain):
+        print(f"none of {checked.samples} gaits nearby meets the constraints")
+    else:
+        print(
+            f"of {checked.samples} gaits nearby the best is {100 * checked.gain:+.3f} % better"
+        )
+
+
+def _run(args) -> int:
+    from ..extrapolation import extrapolation
+    from ..objectives import OBJECTIVES
+    from ..optimise import optimise, verify
+    from ..problem import Evaluator
+
+    problem, sense = _problem(args), OBJECTIVES[args.objective].sense
     screener = Evaluator(problem, gradients=False)
-    found = optimise(
-        problem,
-        starts=args.starts,
-        guesses=_guesses(args),
-        screen=args.screen,
-        steps=args.steps,
-        polish=args.polish,
-        optimiser=args.optimiser,
-        seed=args.seed,
-        log=args.log,
-        screener=screener,
-    )
+    effort = {name: getattr(args, name) for name in _EFFORT if name in args.given}
+    try:
+        found = optimise(
+            problem, **effort, guesses=_guesses(args), log=args.log, screener=screener
+        )
+    except KeyboardInterrupt:
+        print("jaxglide: interrupted before anything was found", file=sys.stderr)
+        return 1
+    if not math.isfinite(found.value):
+        if args.json:
+            print_json(_plain(args, found, sense))
+        print(f"jaxglide: {found.reason}: there is nothing to write", file=sys.stderr)
+        return 1
     write(lambda: found.history, None, args)
     if args.log is not None:
         announce(args.log, args)
-    checked = beyond = None
+    if not args.json:
+        _table(args, found)
+    checked = best = beyond = None
     if found.feasible:
-        checked = verify(problem, found.best, screener=screener)
         best = _fly(problem, {**(problem.fixed or {}), **found.best})
-        beyond = extrapolation(best)
-        if args.plot is not None:
-            _pictures(args, problem, found, best)
-    sense = OBJECTIVES[args.objective].sense
-    unmet = found.history.best_violation.values > FEASIBLE
-    order = np.lexsort((-found.values, unmet))
+        checked, beyond = verify(problem, found.best, screener=screener), extrapolation(best)
+    if args.plot is not None:
+        _draw(args, problem, found, best)
     if args.json:
-        result = {
-            "objective": args.objective,
-            "value": sense * found.value,
-            "feasible": found.feasible,
-            "best": found.best,
-            "slacks": found.slacks.tolist(),
-            "reason": found.reason,
-            "gradients": found.evaluations,
-            "not_finite": found.skipped,
-            "status": {str(s): int((found.status == s).sum()) for s in Status},
-        }
+        result = _plain(args, found, sense)
         if checked is not None and beyond is not None:
             result["value_at_1e-9"] = sense * checked.value
             result["gain_nearby"] = checked.gain
             result["beyond_measured"] = beyond._asdict()
         print_json(result)
         return int(not found.feasible)
-    unit = OBJECTIVES[args.objective].unit
-    heads = [f"{args.objective} ({unit})" if unit else args.objective]
-    heads += [f"{n} ({PARAMETERS[n].unit})" if PARAMETERS[n].unit else n for n in problem.names]
-    print("  ".join(f"{head:>18}" for head in (*heads, "start")))
-    for k in order[:10]:
-        cells = (sense * found.values[k], *found.points[k])
-        row = "  ".join(f"{value:18.4f}" for value in cells)
-        print(f"{row}  {Status(int(found.status[k]))!s:>18}")
-    print(found)
-    if beyond is not None and beyond.either > 0:
-        print(f"  note: {beyond}")
     if checked is not None:
-        print(
-            f"  at 1e-9 {sense * checked.value:.6g} {unit}; of {checked.samples} gaits nearby "
-            f"the best is {100 * checked.gain:+.3f} % better"
-        )
+        _checked(args, found, checked, beyond, sense)
     print(f"  {found.evaluations} gradients, {found.skipped} not finite")
     return int(not found.feasible)

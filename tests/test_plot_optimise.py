@@ -40,6 +40,8 @@ def made_up(seed=0):
             "point": ((*each, "parameter"), point),
             "value": (each, value, about),
             "violation": (each, violation),
+            "gradients": ("step", np.array([4, 4, 3, 3, 3, 3])),
+            "glides": ("step", np.zeros(STEPS, int)),
             "best_point": (("start", "parameter"), point[last, starts]),
             "best_value": ("start", value[last, starts], about),
             "best_violation": ("start", violation[last, starts]),
@@ -163,6 +165,32 @@ def test_convergence_counts_what_was_tried(history):
     right = plot.convergence(history, glides_per_gradient=4.5).axes[1]
     np.testing.assert_allclose(drawn(right, "best")[:, 0], 4.5 * cost)
     assert "glides" in right.get_xlabel()
+    older = history.drop_vars(["gradients", "glides"])
+    right = plot.convergence(older).axes[1]
+    np.testing.assert_allclose(drawn(right, "best")[:, 0], cost)
+
+
+def test_convergence_goes_on_to_the_end_of_the_sampling(history):
+    """Two rounds from the first start: one that finds more, one that does not."""
+    rounds = history.isel(step=[0, 0]).copy(deep=True)
+    for name in ("point", "value", "violation"):
+        rounds[name][:, 1:] = np.nan
+    rounds["violation"][:] = 0.0
+    rounds["value"][:, 0] = [7.734, 7.0]
+    rounds["gradients"][:], rounds["glides"][:] = 0, 256
+    ends = {name: history[name] for name in history if "step" not in history[name].dims}
+    whole = xr.concat([history.drop_vars(ends), rounds.drop_vars(ends)], "step").assign(ends)
+    left, right = plot.convergence(whole).axes[:2]
+    assert drawn(left, "best start")[-2:].tolist() == [[7, 7.734], [8, 7.734]]
+    assert [text.get_text() for text in right.texts] == ["7.734 m"]
+    np.testing.assert_allclose(drawn(right, "best")[-3:, 0], 20)
+    (span,) = left.patches
+    assert span.get_x() == 6.5
+    assert span.get_x() + span.get_width() == 8
+    assert "round of sampling" in left.get_xlabel()
+    right = plot.convergence(whole, glides_per_gradient=4.5).axes[1]
+    np.testing.assert_allclose(drawn(right, "best")[-3:, 0], 90 + np.array([0, 256, 512]))
+    assert_on_page(plot.convergence(whole))
 
 
 def test_convergence_shows_how_many_met_the_constraints(history):

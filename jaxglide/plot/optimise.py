@@ -3,7 +3,7 @@
 They take the history of an `Optimum`: a dataset over step, start and parameter.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -26,8 +26,22 @@ _BEST = {"ls": "", "marker": "*", "ms": 9.0, "mfc": HEAD, "mec": "white", "mew":
 _NOT_LANDED = {"label": "tumbles", "marker": "o", **_MARK}
 
 
-def _climb(history: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Best feasible value so far (step, start), NaN before the first; evaluations (step,)."""
+class _Climb(NamedTuple):
+    """How a search went, step by step.
+
+    Attributes:
+        best: best feasible value so far, NaN before the first, (step, start).
+        gradients, glides: computed so far, and glides flown without them, (step,).
+        sampled: steps that were rounds of sampling, (step,).
+    """
+
+    best: np.ndarray
+    gradients: np.ndarray
+    glides: np.ndarray
+    sampled: np.ndarray
+
+
+def _climb(history: xr.Dataset) -> _Climb:
     needed = ("value", "violation", "point", "best_point", "best_value", "best_violation")
     for name in needed:
         if name not in history.variables:
@@ -36,9 +50,15 @@ def _climb(history: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
         raise ValueError("the history has no steps: there is nothing to draw")
     value = history["value"].transpose("step", "start").values
     violation = history["violation"].transpose("step", "start").values
-    tried = np.isfinite(history["point"].transpose("step", "start", ...).values).all(axis=2)
     met = np.where(violation <= FEASIBLE, value, np.nan)
-    return np.fmax.accumulate(met, axis=0), np.cumsum(tried.sum(axis=1))
+    if "gradients" in history:
+        gradients, glides = history["gradients"].values, history["glides"].values
+    else:  # kept before sampling was part of it
+        tried = np.isfinite(history["point"].transpose("step", "start", ...).values)
+        gradients = tried.all(axis=2).sum(axis=1)
+        glides = np.zeros_like(gradients)
+    best = np.fmax.accumulate(met, axis=0)
+    return _Climb(best, np.cumsum(gradients), np.cumsum(glides), glides > 0)
 
 
 @style()
@@ -52,21 +72,23 @@ def convergence(history: xr.Dataset, *, glides_per_gradient: float | None = None
 
     Returns:
         A figure of a page's width (180 mm). Left: the starts (thin), their quartiles (band),
-        median and best, against step. Right: the best against cost, and how many of the
-        starts are within the constraints.
+        median and best, against step; rounds of sampling at the end are shaded. Right: the
+        best against cost, and how many of the starts are within the constraints.
 
     Raises:
         ValueError: the dataset is not a history, or has no steps.
     """
-    best, cost = _climb(history)
+    climb = _climb(history)
+    best, found = climb.best, np.isfinite(climb.best)
     steps = np.arange(1, len(best) + 1)
-    found = np.isfinite(best)
+    cost = climb.gradients
+    if glides_per_gradient is not None:
+        cost = glides_per_gradient * climb.gradients + climb.glides
     figure = new_figure(width=_PAGE, height=62.0)
     figure.set_layout_engine("constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
     lines = [
-        np.column_stack([steps[ok], climb[ok]])
-        for climb, ok in zip(best.T, found.T, strict=True)
+        np.column_stack([steps[ok], line[ok]]) for line, ok in zip(best.T, found.T, strict=True)
     ]
     thin = {"colors": FAINT, "linewidths": 0.4, "alpha": 0.7, "zorder": 1}
     left.add_collection(LineCollection(lines, label="one start", **thin))
@@ -78,19 +100,23 @@ def convergence(history: xr.Dataset, *, glides_per_gradient: float | None = None
         left.fill_between(steps[some], quartile, upper, label="middle half of starts", **band)
         left.plot(steps[some], median, color=YAW, label="median start", zorder=3)
         left.plot(steps[some], leader, color=PITCH, lw=1.4, label="best start", zorder=4)
-        factor = 1.0 if glides_per_gradient is None else glides_per_gradient
-        right.plot(factor * cost[some], leader, color=PITCH, lw=1.4, label="best", zorder=3)
-        _name_end(right, factor * cost[some][-1], leader[-1], history["value"].attrs)
+        right.plot(cost[some], leader, color=PITCH, lw=1.4, label="best", zorder=3)
+        _name_end(right, cost[some][-1], leader[-1], history["value"].attrs)
         left.set_ylim(*_most(best[some]))
     left.set_xlim(1, max(len(best), 2))
     left.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     left.set_xlabel("step")
+    if climb.sampled.any():
+        first = max(int(steps[climb.sampled][0]) - 0.5, 1.0)
+        shade = {"color": FAINT, "alpha": 0.15, "lw": 0, "zorder": 0}
+        left.axvspan(first, len(best), label="sampling", **shade)
+        left.set_xlabel("step, then round of sampling around the best")
     left.set_ylabel(_quantity(history["value"].attrs))
-    _count(right, (1.0 if glides_per_gradient is None else glides_per_gradient) * cost, found)
+    _count(right, cost, found)
     right.set_xlabel("gradients" if glides_per_gradient is None else "cost (glides)")
     right.set_ylabel("best " + _quantity(history["value"].attrs))
-    keys = [*left.collections, *left.lines, *figure.axes[2].lines]
-    figure.legend(handles=keys, loc="outside lower center", ncols=5, columnspacing=1.4)
+    keys = [*left.collections, *left.patches, *left.lines, *figure.axes[2].lines]
+    figure.legend(handles=keys, loc="outside lower center", ncols=6, columnspacing=1.2)
     return figure
 
 

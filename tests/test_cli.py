@@ -543,7 +543,7 @@ def test_optimise_finds_the_best_throw(capsys, tmp_path):
         (("--fix", "height"), "--fix 'height' is not NAME=VALUE"),
         (("--fix", "height=-1"), "height = -1 m is not allowed"),
         (("--starts", "0"), "starts = 0 is not allowed"),
-        (("--guess", "theta_m"), "'theta_m' is not NAME=X"),
+        (("--guess", "theta_m"), "'theta_m' is not NAME=VALUE"),
         (("--guess", "theta_m=96,nu_theta=1.3"), "a guess lacks d_psi"),
     ],
 )

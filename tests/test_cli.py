@@ -172,13 +172,6 @@ def test_json_has_null_for_what_is_not_a_number(capsys):
     assert json.loads(capsys.readouterr().out, parse_constant=pytest.fail) == expected
 
 
-def test_a_gradient_that_is_not_a_number_is_a_failure(capsys):
-    weightless = ("--free", "d_psi", "--fix", "gravity=0", "--nodes", "20")
-    code, out, _ = run(capsys, "gradient", *weightless, "--json")
-    assert code == 1
-    assert json.loads(out, parse_constant=pytest.fail)["gradient"]["d_psi"]["gradient"] is None
-
-
 def test_a_flight_that_cannot_be_computed_exits_with_1(capsys, monkeypatch):
     from jaxglide import glide as module
 

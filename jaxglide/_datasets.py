@@ -73,7 +73,8 @@ def checked(data: xr.Dataset, schema: Schema) -> xr.Dataset:
             )
     try:
         data = _in_order(data, schema.labels)
-        found = {name: _variable(data[name], v) for name, v in schema.variables.items()}
+        # without coordinates, lest one that is converted realign the others
+        found = {n: _variable(data[n], v).variable for n, v in schema.variables.items()}
     except ValueError as error:
         raise ValueError(f"{where}{error}") from None
     return data.assign_coords({n: v for n, v in found.items() if n in data.coords}).assign(
@@ -84,6 +85,8 @@ def checked(data: xr.Dataset, schema: Schema) -> xr.Dataset:
 def _in_order(data: xr.Dataset, labels: Mapping[str, tuple[str, ...]]) -> xr.Dataset:
     """The dataset with labelled dimensions in the declared order."""
     for dim, wanted in labels.items():
+        if dim not in data.sizes:
+            continue  # the variables that should be over it are told
         have = [str(label) for label in data[dim].values] if dim in data.coords else wanted
         if sorted(have) != sorted(wanted) or data.sizes[dim] != len(wanted):
             raise ValueError(f"{dim!r} has entries {', '.join(have)}, not {', '.join(wanted)}")
@@ -136,11 +139,13 @@ def _check_range(values: xr.DataArray, declared: Variable) -> None:
     entries = [_entry(values, str(dim), at) for dim, at in zip(values.dims, worst, strict=True)]
     there = f" at {', '.join(entries)}" if entries else ""
     unit = f" {declared.unit}" if declared.unit else ""
-    left = "(" if declared.low_open or np.isinf(low) else "["
-    right = ")" if np.isinf(high) else "]"
+    allowed = "finite"
+    if np.isfinite([low, high]).any():
+        left = "(" if declared.low_open or np.isinf(low) else "["
+        right = ")" if np.isinf(high) else "]"
+        allowed += f" and in {left}{low:g}, {high:g}{right}{unit}"
     raise ValueError(
-        f"{values.name} = {numbers[worst]:g}{unit}{there} is not allowed: it must be finite "
-        f"and in {left}{low:g}, {high:g}{right}{unit}"
+        f"{values.name} = {numbers[worst]:g}{unit}{there} is not allowed: it must be {allowed}"
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from ._ascent import Best
+from ._units import labelled as with_unit
 from .parameters import PARAMETERS
 from .problem import Evaluation, Problem
 from .records import stamp
@@ -67,7 +68,7 @@ def labelled(
     }
     data = xr.Dataset(
         {
-            key: (dims, values, {"units": unit, "long_name": long_name})
+            key: (dims, values, with_unit(unit, long_name))
             for key, (dims, values, unit, long_name) in table.items()
         },
         coords={

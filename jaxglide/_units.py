@@ -13,9 +13,18 @@ _UNIT = re.compile(rf"(?:(?:1|{_NAME})(?:\s*[*/·.]\s*|\s+))*(?:1|{_NAME})")
 _POWER = re.compile(r"([^\W\d_])(-?\d)")
 
 
+_IN_FILES = {  # name in files, and what the long name adds
+    "deg": ("degree", ""),
+    "deg/SVL": ("degree", ", per SVL"),
+    "1/SVL": ("1", ", per SVL"),
+    "chords": ("1", ", in chords"),
+    "mixed": ("1", ", in mixed units"),
+}
+
+
 def in_file(unit: str) -> str:
     """A unit that people read as files name it."""
-    return re.sub(r"\bdeg\b", "degree", unit).removesuffix("/SVL")
+    return _IN_FILES.get(unit, (unit, ""))[0]
 
 
 def labelled(unit: str, long_name: str) -> dict[str, str]:
@@ -25,8 +34,8 @@ def labelled(unit: str, long_name: str) -> dict[str, str]:
         unit: as people read it, such as deg/SVL.
         long_name: what the variable is.
     """
-    per = ", per SVL" if unit.endswith("/SVL") else ""
-    return {"units": in_file(unit), "long_name": long_name + per}
+    named, more = _IN_FILES.get(unit, (unit, ""))
+    return {"units": named, "long_name": long_name + more}
 
 
 def factor(given: str, wanted: str) -> float:
@@ -37,7 +46,7 @@ def factor(given: str, wanted: str) -> float:
     Raises:
         ValueError: `given` is no unit, or one of something else.
     """
-    given, wanted = in_file(given.strip()), in_file(wanted)
+    given, wanted = in_file(given.strip().removesuffix("/SVL")), in_file(wanted)
     if {given, wanted} <= {"", "1"} or given == wanted:
         return 1.0
     size, dimension = _root(given)

@@ -1,18 +1,23 @@
-"""Results as labelled datasets with units, settings and versions (floor 5)."""
+"""Results as labelled datasets with units, settings and versions (floor 5).
+
+Whatever has a unit is a variable or a coordinate that says it, in names that UDUNITS and
+pint read; attributes are names, counts, tolerances and pure coefficients.
+"""
 
 import platform
 from collections.abc import Mapping
 from importlib import metadata
 from typing import Any
 
-import equinox as eqx
 import jax
 import numpy as np
 import xarray as xr
 
+from ._units import labelled
 from .dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY
 from .glide import Glide, Outcome, reconstruct
 from .parameters import PARAMETERS
+from .snake import discretise
 from .study import Study
 
 # name: (part of the state, trailing dimensions, unit, long name, radians inside)
@@ -61,6 +66,19 @@ def stamp(data: xr.Dataset, settings: Mapping[str, Any]) -> xr.Dataset:
     )
 
 
+def about(name: str) -> dict[str, str]:
+    """Attributes of a parameter's coordinate."""
+    return labelled(PARAMETERS[name].unit, PARAMETERS[name].meaning)
+
+
+def study_coordinates(study: Study) -> dict[str, Any]:
+    """The parameters of a study: dimensions of a grid, coordinates along `case` of a list, and
+    single numbers where they are fixed."""
+    dim = {name: "case" if study.cases is not None else name for name in study.varied}
+    varied = {name: (dim[name], values, about(name)) for name, values in study.varied.items()}
+    return varied | {name: ((), value, about(name)) for name, value in study.fixed.items()}
+
+
 def _outcome_attributes() -> dict[str, Any]:
     return {
         "flag_values": np.array([int(o) for o in Outcome], dtype=np.int32),
@@ -72,66 +90,97 @@ def study_dataset(study: Study, flown: Mapping[str, np.ndarray]) -> xr.Dataset:
     """Results of a study as a dataset in the units people read.
 
     Args:
-        study: the study; its parameters become dimensions (a grid) or coordinates along
-            `case` (a list), what it fixes becomes attributes.
+        study: the study; see `study_coordinates`.
         flown: results by name as `sweep.results` keeps them, in case order, each (N, ...).
 
     Returns:
         Dataset with angles in degrees; the trajectories, if kept, over `sample`.
     """
     coordinates: dict[str, Any] = {"axis": list(_AXES), "turn": list(_TURNS)}
+    coordinates |= study_coordinates(study)
+    coordinates["max_time"] = ((), study.max_time, labelled("s", "longest flight"))
     dims = tuple(study.varied) if study.cases is None else ("case",)
-    for name, values in study.varied.items():
-        about = {"units": PARAMETERS[name].unit, "long_name": PARAMETERS[name].meaning}
-        coordinates[name] = (name if study.cases is None else "case", values, about)
     variables = {}
     flown = dict(flown)
     states = flown.pop("states", None)
     if states is not None:
-        coordinates["sample"] = ("sample", np.asarray(study.times), {"units": "s"})
+        coordinates["sample"] = (
+            "sample",
+            np.asarray(study.times),
+            labelled("s", "time since launch"),
+        )
         for name, (part, trailing, unit, long_name, radians) in _STATES.items():
             values = states[..., part].reshape(*study.shape, *states[..., part].shape[1:])
             values = np.rad2deg(values) if radians else values
-            about = {"units": unit, "long_name": long_name}
-            variables[name] = ((*dims, "sample", *trailing), values, about)
+            variables[name] = ((*dims, "sample", *trailing), values, labelled(unit, long_name))
     for name, values in flown.items():
         trailing, unit, long_name, radians = _VARIABLES[name]
         values = values.reshape(*study.shape, *values.shape[1:])
-        about = {"units": unit, "long_name": long_name}
+        attributes = labelled(unit, long_name)
         if name == "outcome":
-            about |= _outcome_attributes()
+            attributes |= _outcome_attributes()
         values = np.rad2deg(values) if radians else values
-        variables[name] = ((*dims, *trailing), values, about)
-    settings = {**study.fixed, **study.setup, "rtol": study.rtol, "atol": study.atol}
-    limits = {"max_time": study.max_time, "max_steps": study.max_steps}
-    record = {"study": study.to_json(), **settings, **limits}
+        variables[name] = ((*dims, *trailing), values, attributes)
+    settings = {**study.setup, "rtol": study.rtol, "atol": study.atol}
+    record = {"study": study.to_json(), **settings, "max_steps": study.max_steps}
     return stamp(xr.Dataset(variables, coords=coordinates), record)
 
 
-def _settings(glide: Glide) -> dict[str, Any]:
-    """Every number and choice that went into a glide, SI and radians, by name."""
-    found: dict[str, Any] = {}
-    for module in (
-        glide.glider.snake,
-        glide.glider.gait,
-        glide.glider.polar,
-        glide.glider.environment,
-        glide.launch,
-        glide.settings,
-    ):
-        for name, value in vars(module).items():
-            if name in ("cells", "times"):
-                continue
-            if eqx.is_array(value):
-                value = np.asarray(value).tolist()
-            elif isinstance(value, eqx.Module):
-                value = type(value).__name__
-            elif isinstance(value, bool):
-                value = int(value)
-            found[name] = value
-    degree = glide.glider.polar.cells.shape[-1] - 1
-    found["polar"] = "published" if degree == 1 else "smooth"
+# of a glide beside `PARAMETERS`, where given: (unit, meaning)
+_GIVEN = {
+    "spacing": ("m", "spacing of the nodes"),
+    "phi_theta": ("rad", "phase of the horizontal wave that the launch was given"),
+    "launch_attitude": ("deg", "yaw, pitch, roll that the launch was given"),
+    "step": ("s", "fixed step of the solver"),
+    "max_time": ("s", "longest flight"),
+}
+
+
+def _parameters(glide: Glide) -> dict[str, Any]:
+    """Every number with a unit that went into a glide, as a coordinate, in people's units."""
+    glider, launch, settings = glide.glider, glide.launch, glide.settings
+    parts = (glider.snake, glider.gait, glider.polar, glider.environment, launch, settings)
+    given: dict[str, Any] = {name: v for part in parts for name, v in vars(part).items()}
+    given |= {"svl": glider.snake.length, "launch_attitude": launch.angles}
+    found = {}
+    for name in (*PARAMETERS, *_GIVEN):
+        if given.get(name) is None:
+            continue
+        p = PARAMETERS.get(name)
+        unit, meaning = _GIVEN[name] if p is None else (p.unit, p.meaning)
+        value = np.asarray(given[name], float)
+        value = np.rad2deg(value) if unit.startswith("deg") else value
+        found[name] = (("turn",) if value.ndim else (), value, labelled(unit, meaning))
     return found
+
+
+def _node_coordinates(glide: Glide) -> dict[str, Any]:
+    """Where the nodes are along the body, and what they stand for."""
+    snake, sections = glide.glider.snake, discretise(glide.glider.snake)
+    return {
+        "arc_length": ("node", sections.fraction * snake.length, labelled("m", "arc length")),
+        "node_chord": ("node", sections.chord, labelled("m", "chord at the node")),
+        "node_mass": ("node", sections.mass, labelled("kg", "mass of the element")),
+    }
+
+
+def _settings(glide: Glide) -> dict[str, Any]:
+    """Names, counts, tolerances and coefficients that went into a glide."""
+    snake, settings = glide.glider.snake, glide.settings
+    degree = glide.glider.polar.cells.shape[-1] - 1
+    coefficients = ("chord", "head_density", "body_density")
+    return {
+        "nodes": snake.nodes,
+        "node_set": snake.node_set,
+        "head_fraction": float(snake.head_fraction),
+        **{name: np.asarray(getattr(snake, name)).tolist() for name in coefficients},
+        "polar": "published" if degree == 1 else "smooth",
+        "solver": type(settings.solver).__name__,
+        "rtol": float(settings.rtol),
+        "atol": float(settings.atol),
+        "max_steps": settings.max_steps,
+        "dense": int(settings.dense),
+    }
 
 
 def glide_dataset(glide: Glide, frames: int = 201) -> xr.Dataset:
@@ -142,8 +191,8 @@ def glide_dataset(glide: Glide, frames: int = 201) -> xr.Dataset:
         frames: number of equally spaced times from launch to the end.
 
     Returns:
-        Dataset over time [s], node, axis and turn; angles in degrees; the settings in its
-        attributes are in SI units and radians.
+        Dataset over time [s], node, axis and turn; angles in degrees; what went into the
+        glide in coordinates that are single numbers, each with its unit.
 
     Raises:
         ValueError: the glide kept no trajectory, or is a batch.
@@ -194,22 +243,26 @@ def glide_dataset(glide: Glide, frames: int = 201) -> xr.Dataset:
         ),
         "drag_coefficient": (along, np.asarray(air.drag_coefficient), "", "C_D"),
     }
+    turns, take_off = ("turn",), glide.take_off
+    results = {
+        "max_angles": (turns, np.rad2deg(glide.max_angles), "deg", _VARIABLES["max_angles"][2]),
+        "launch_angles": (turns, np.rad2deg(take_off.angles), "deg", "attitude at launch"),
+        "launch_phase": ((), take_off.phi_theta, "rad", "phase of the wave at launch"),
+        "launch_speed": ((), take_off.speed, "m/s", "speed at launch"),
+    }
     variables = {
-        name: (dims, values, {"units": unit, "long_name": long_name})
-        for name, (dims, values, unit, long_name) in sections.items()
+        name: (dims, np.asarray(values), labelled(unit, long_name))
+        for name, (dims, values, unit, long_name) in (sections | results).items()
     }
     coordinates = {
-        "time": ("time", np.asarray(times), {"units": "s", "long_name": "time since launch"}),
+        "time": ("time", np.asarray(times), labelled("s", "time since launch")),
         "axis": list(_AXES),
         "turn": list(_TURNS),
     }
+    coordinates |= _node_coordinates(glide) | _parameters(glide)
     data = xr.Dataset(variables, coords=coordinates)
     ending = {
         "outcome": str(Outcome(int(glide.outcome))),
-        "launch_phase": float(glide.take_off.phi_theta),
-        "launch_angles": np.asarray(glide.take_off.angles).tolist(),
-        "launch_speed": float(glide.take_off.speed),
-        "max_angles": np.asarray(glide.max_angles).tolist(),
         "accepted": int(glide.accepted),
         "rejected": int(glide.rejected),
     }

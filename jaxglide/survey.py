@@ -8,10 +8,11 @@ import numpy as np
 import xarray as xr
 
 from ._checks import check_range, warn_float32
+from ._units import labelled
 from .batch import spread
 from .cases import build
-from .parameters import HELD_SPEED, MAX_STEPS, MAX_TIME, PARAMETERS
-from .records import stamp
+from .parameters import HELD_SPEED, MAX_STEPS, MAX_TIME
+from .records import stamp, study_coordinates
 from .study import Study
 from .windtunnel import (
     MOMENT_PHASES,
@@ -151,22 +152,28 @@ def _check_study(study: Study) -> None:
 
 
 def _dataset(study: Study, values, times, phases, options) -> xr.Dataset:
-    grid = study.cases is None
-    dims = tuple(study.varied) if grid else ("case",)
+    dims = tuple(study.varied) if study.cases is None else ("case",)
     coordinates = {
-        "record": ("record", times, {"units": "s", "long_name": "time since launch"}),
-        "phase": ("phase", 360.0 / phases * np.arange(phases), {"units": "deg"}),
+        "record": ("record", times, labelled("s", "time since launch")),
+        "phase": ("phase", 360.0 / phases * np.arange(phases), labelled("deg", "phase")),
         "about": list(ABOUT),
         "forward_up": ["y", "z"],
     }
-    for name, column in study.varied.items():
-        about = {"units": PARAMETERS[name].unit, "long_name": PARAMETERS[name].meaning}
-        coordinates[name] = (name if grid else "case", column, about)
+    coordinates |= study_coordinates(study) | {
+        "turn": ["yaw", "pitch", "roll"],
+        "held_angles": (
+            "turn",
+            np.rad2deg(options["angles"]),
+            labelled("deg", "held yaw, pitch, roll"),
+        ),
+        "interval": ((), options["interval"], labelled("s", "between records")),
+        "max_time": ((), options["max_time"], labelled("s", "longest fall")),
+    }
     variables = {}
     for name, (trailing, unit, long_name) in _VARIABLES.items():
         value = np.asarray(values[name])
         shaped = value.reshape(*study.shape, *value.shape[1:])
-        variables[name] = ((*dims, *trailing), shaped, {"units": unit, "long_name": long_name})
-    record = {"study": study.to_json(), **study.fixed, **study.setup, **options}
+        variables[name] = ((*dims, *trailing), shaped, labelled(unit, long_name))
+    record = {"study": study.to_json(), **study.setup}
     record |= {"rtol": study.rtol, "atol": study.atol}
     return stamp(xr.Dataset(variables, coords=coordinates), record)

@@ -39,7 +39,7 @@ def test_a_survey_is_labelled(data, study, tmp_path):
     assert list(data.about.values) == [PITCH, ROLL, YAW]
     np.testing.assert_allclose(data.phase, 60.0 * np.arange(6))
     np.testing.assert_allclose(data.record, 0.1 * np.arange(data.sizes["record"]))
-    assert data.attrs["interval"] == 0.1
+    assert (data.interval.item(), data.interval.attrs["units"]) == (0.1, "s")
     assert data.attrs["polar"] == "smooth"
     assert "version_jaxglide" in data.attrs
     data.to_netcdf(tmp_path / "s.nc", engine="h5netcdf")

@@ -93,10 +93,11 @@ def test_a_sweep_is_the_glides_it_names(study, plain):
 
 
 def test_units_and_settings_are_recorded(study, plain):
-    assert plain.d_psi.attrs["units"] == "deg/SVL"
-    assert plain.end_angles.attrs["units"] == "deg"
+    assert plain.d_psi.attrs["units"] == "degree"
+    assert plain.d_psi.attrs["long_name"] == "dorsoventral bending, per SVL"
+    assert plain.end_angles.attrs["units"] == "degree"
     assert "landed" in plain.outcome.attrs["flag_meanings"]
-    assert plain.attrs["height"] == 0.3
+    assert (plain.height.item(), plain.height.attrs["units"]) == (0.3, "m")
     assert plain.attrs["polar"] == "published"
     assert plain.attrs["nodes"] == 70
     assert Study.from_json(plain.attrs["study"]).fingerprint == study.fingerprint

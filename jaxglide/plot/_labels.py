@@ -19,6 +19,7 @@ SYMBOLS = {
 }
 _UNITS = {
     "deg": "°",
+    "degree": "°",
     "deg/SVL": "° per SVL",
     "m/s^2": "m/s²",
     "m^2/s": "m²/s",

@@ -42,7 +42,8 @@ def bending_grid(data: xr.Dataset, quantity: str = "path") -> Figure:
         for i, psi_m in enumerate(rows):
             for j, d_psi in enumerate(columns):
                 ax = axes[i, j]
-                for case in np.flatnonzero((data.psi_m == psi_m) & (data.d_psi == d_psi)):
+                here = (data.psi_m == psi_m) & (data.d_psi == d_psi)
+                for case in np.flatnonzero(here.broadcast_like(data.case)):
                     one = data.isel(case=case)
                     place = (float(one.nu_theta) - low) / max(high - low, 1e-9)
                     _draw(ax, one, quantity, shades(0.9 * place))

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from .._ascent import FEASIBLE
 from ..glide import Outcome
 from ..parameters import PARAMETERS
-from ._labels import SYMBOLS, parameter_label, plain, with_unit
+from ._labels import SYMBOLS, parameter_label, plain, shown, with_unit
 from ._style import FAINT, HEAD, INK, PITCH, YAW, new_figure, style
 from .shapes import _MAP, _MARK, _check, _edges, _sorted
 
@@ -133,7 +133,8 @@ def _most(values: np.ndarray) -> tuple[float, float]:
 
 
 def _name_end(ax: Axes, x: float, y: float, about: dict) -> None:
-    text = f"{y:.4g} {plain(about.get('units', ''))}".strip()
+    unit = shown(about.get("units", "")).removesuffix("1")
+    text = f"{y:.4g} {plain(unit)}".strip()
     ax.annotate(text, (x, y), (-2, 3), textcoords="offset points", ha="right", fontsize=6.5)
 
 

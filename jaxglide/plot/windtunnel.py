@@ -54,6 +54,11 @@ def _cases(data: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
     dims = [str(name) for name in data[names[0]].dims if name not in _INNER]
     if dims != ["case"]:
         data = data.stack(case=dims, create_index=False) if dims else data.expand_dims("case")
+    fixed = {n: c for n, c in data.coords.items() if not c.dims and c.dtype.kind in "fi"}
+    every = np.ones(data.sizes["case"])
+    data = data.assign_coords(
+        {n: ("case", every * c.item(), c.attrs) for n, c in fixed.items()}
+    )
     return data.transpose("case", ...)
 
 

@@ -1,0 +1,169 @@
+"""What a saved glide says: units that other software reads, and the glide back from it."""
+
+import re
+
+import jax
+import numpy as np
+import pint
+import pytest
+import xarray as xr
+
+from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
+from jaxglide._files import write_netcdf
+from jaxglide._netcdf import load_netcdf
+from jaxglide._units import in_file
+from jaxglide.measured.table import NUMBERS
+from jaxglide.objectives import OBJECTIVES
+from jaxglide.parameters import PARAMETERS
+from jaxglide.plot._restore import glide_of, snake_of
+from jaxglide.records import _STATES, _VARIABLES, glide_dataset
+
+# Names of units that UDUNITS-2 has; `deg` and SVL are none.
+UDUNITS = {"m", "s", "kg", "N", "W", "mm", "Pa", "Hz", "degree", "rad", "1"}
+
+
+@pytest.fixture(scope="module")
+def glide():
+    gait = Gait.from_degrees(d_theta=3.0)
+    launch = Launch(0.4, 1.75, phi_theta=0.3, angles=np.deg2rad([0.0, -5.0, -5.0]))
+    snake = Snake.from_svl(0.7, nodes=20)
+    return simulate(Glider(snake, gait, Polar.smooth(1.1)), launch, dense=True)
+
+
+@pytest.fixture(scope="module")
+def path(glide, tmp_path_factory):
+    path = tmp_path_factory.mktemp("records") / "glide.nc"
+    write_netcdf(path, glide_dataset(glide, frames=11))
+    return path
+
+
+@pytest.fixture
+def data(path):
+    return load_netcdf(path)
+
+
+def readable(unit):
+    """Whether both UDUNITS and pint read a unit, and as the same."""
+    pint.get_application_registry().parse_units(unit)
+    return set(re.findall(r"[^\W\d]+|1", re.sub(r"\^\d", "", unit))) <= UDUNITS
+
+
+def test_every_number_of_a_glide_has_a_unit_that_others_read(data):
+    for name, variable in data.variables.items():
+        if variable.dtype.kind == "f":
+            assert readable(variable.attrs["units"]), name
+            assert variable.attrs["long_name"], name
+    # what is left in attributes has no unit
+    numbers = {n for n, v in data.attrs.items() if not isinstance(v, str)}
+    assert numbers == {
+        *("nodes", "head_fraction", "chord", "head_density", "body_density", "accepted"),
+        *("rejected", "rtol", "atol", "max_steps", "dense"),
+    }
+
+
+def test_every_unit_of_this_package_is_one_that_others_read():
+    units = [p.unit for p in PARAMETERS.values()]
+    units += [row[2] for row in _STATES.values()] + [row[1] for row in _VARIABLES.values()]
+    units += [row[0] for row in NUMBERS.values()] + [o.unit for o in OBJECTIVES.values()]
+    assert {"deg", "deg/SVL", "1/SVL", "rad/s"} <= set(units)
+    for unit in units:
+        assert readable(in_file(unit)), unit
+    with pytest.raises(AssertionError):
+        assert readable("deg")  # the check sees what is wrong
+
+
+def test_what_went_in_is_in_the_units_people_read(data):
+    for name, value, unit in (
+        ("psi_m", 20.0, "degree"),
+        ("d_psi", 10.0, "degree"),
+        ("d_theta", 3.0, "degree"),
+        ("nu_theta", 1.4, ""),
+        ("svl", 0.7, "m"),
+        ("speed", 1.75, "m/s"),
+        ("lift_scale", 1.1, ""),
+        ("max_time", 60.0, "s"),
+    ):
+        assert data[name].item() == pytest.approx(value, rel=1e-12), name
+        assert data[name].attrs["units"] == unit, name
+        assert name in data.coords
+    assert data.d_psi.attrs["long_name"].endswith(", per SVL")
+    assert data.launch_attitude.values == pytest.approx([0, -5, -5])
+
+
+def test_nodes_have_a_place_a_chord_and_a_mass(data):
+    np.testing.assert_allclose(data.arc_length, 0.7 * (np.arange(20) + 0.5) / 20)
+    assert data.node_mass.sum().item() == pytest.approx(data.mass.item())
+    assert 0.01 < data.node_chord.min() < data.node_chord.max() < 0.03
+    assert data.lift.arc_length.dims == ("node",)
+
+
+def test_a_glide_comes_back_whole(glide, data):
+    again = glide_of(data)
+    for part in ("glider", "launch", "take_off", "settings", "max_angles", "outcome", "time"):
+        ours, theirs = (jax.tree.leaves(getattr(g, part)) for g in (glide, again))
+        for a, b in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=part)
+    times = data.time.values
+    np.testing.assert_allclose(again.at(times), glide.at(times), atol=1e-9)
+
+
+def test_a_glide_in_other_units_is_the_same(data):
+    other = data.copy()
+    for name, unit, many in (
+        ("theta_m", "rad", np.pi / 180),
+        ("mass", "g", 1000.0),
+        ("time", "ms", 1000.0),
+        ("angles", "rad", np.pi / 180),
+    ):
+        values = (data[name].dims, many * data[name].values, {"units": unit})
+        kind = other.assign_coords if name in data.coords else other.assign
+        other = kind({name: values})
+    ours, theirs = glide_of(data), glide_of(other)
+    for a, b in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+def older(data):
+    """As the first version saved it: numbers in attributes."""
+    names = [str(n) for n, v in data.coords.items() if not v.dims]
+    return data.drop_vars(names).assign_attrs(length=0.7, mass=0.03, theta_m=1.7)
+
+
+WRONG = {
+    "older": (older, "saved by an older jaxglide, without units: fly it anew"),
+    "no mass": (lambda d: d.drop_vars("mass"), "have no variable 'mass'"),
+    "no polar": (lambda d: d.assign_attrs(polar="mine"), "polar = 'mine' is not one of"),
+    "no nodes": (lambda d: d.drop_attrs(deep=False), "it lacks '(chord|polar)'"),
+    "no such end": (lambda d: d.assign_attrs(outcome="well"), "outcome = 'well' is no end"),
+    "turned": (lambda d: d.isel(time=slice(None, None, -1)), "time does not rise"),
+    "not finite": (
+        lambda d: d.assign(position=d.position * np.nan),
+        "position = nan m at time",
+    ),
+    "unit": (
+        lambda d: d.assign(angles=d.angles.assign_attrs(units="m")),
+        "unit of 'angles': 'm' cannot be converted to 'rad'",
+    ),
+    "range": (lambda d: d.assign_coords(theta_m=d.theta_m + 200), "theta_m = .* not allowed"),
+    "by frame": (
+        lambda d: d.assign_coords(svl=d.svl + 0 * d.time),
+        "'svl' is over time, where it must be over nothing",
+    ),
+    "text": (lambda d: d.assign_attrs(nodes="many"), "not a whole glide: invalid literal"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_no_glide_is_refused_in_one_sentence(data, path, case):
+    change, message = WRONG[case]
+    wrong = change(data)
+    wrong.encoding["source"] = str(path)
+    with pytest.raises(ValueError, match=rf"^{path}: .*{message}") as caught:
+        glide_of(wrong)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_snake_comes_back_alone(data):
+    assert float(snake_of(data).length) == pytest.approx(0.7)
+    with pytest.raises(ValueError, match="have no variable 'svl'"):
+        snake_of(xr.Dataset())

@@ -175,7 +175,7 @@ def main() -> None:
     climbing = gradients_used(budget, cost, 0, 0)
     both = gradients_used(budget, cost, SCREENED, POLISH)
     efforts: dict[str, dict[str, Any]] = {
-        "gradients": {"starts": STARTS, "steps": climbing, "polish": 0},
+        "gradients": {"starts": STARTS, "screen": 0, "steps": climbing, "polish": 0},
         "screening, gradients, sampling": {
             **{"starts": STARTS, "steps": both},
             **{"screen": SCREENED, "polish": POLISH},

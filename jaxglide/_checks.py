@@ -97,7 +97,7 @@ def check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
         raise ValueError(f"{name} = {value!r} is not one of {', '.join(choices)}")
 
 
-def warn_float32(rtol: Any, atol: Any, dtype: Any = None) -> None:
+def warn_float32(rtol: Any, atol: Any, dtype: Any = None) -> bool:
     """Warn, at the line that first called the package, of tolerances too tight for float32.
 
     Python shows a warning of one text and line once, however often it is given.
@@ -105,10 +105,13 @@ def warn_float32(rtol: Any, atol: Any, dtype: Any = None) -> None:
     Args:
         rtol, atol: tolerances of the solver; traced ones are let through.
         dtype: what is computed in; by default what JAX makes of a float.
+
+    Returns:
+        Whether they are.
     """
     dtype = jnp.result_type(float) if dtype is None else dtype
     if dtype != jnp.float32 or is_traced(rtol) or is_traced(atol) or min(rtol, atol) >= 1e-5:
-        return
+        return False
     # JAX's own frames may stand between two of the package's.
     package, frame, depth, level = Path(__file__).parent, sys._getframe(), 1, 2
     while frame:
@@ -121,3 +124,4 @@ def warn_float32(rtol: Any, atol: Any, dtype: Any = None) -> None:
         "tolerances of 1e-5 or more",
         stacklevel=level,
     )
+    return True

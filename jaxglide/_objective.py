@@ -147,11 +147,12 @@ class Objective:
     __rmul__ = __mul__
 
     def __truediv__(self, divisor: float) -> "Objective":
-        divisor = _number(divisor)
-        if divisor is None:
+        number = _number(divisor)
+        if number is None:
             return NotImplemented
-        check_range(f"1 / divisor of {self.name}", 1 / divisor if divisor else np.inf, "")
-        return self * (1 / divisor)
+        if number == 0:
+            raise ValueError(f"{self.name} cannot be divided by 0")
+        return self * (1 / number)
 
     def __add__(self, other: "Objective | float") -> "Objective":
         if isinstance(other, Objective):

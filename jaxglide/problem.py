@@ -123,7 +123,7 @@ class Problem:
         set_(self, "setup", check_setup(SETUP | dict(self.setup or {})))
 
     def _identity(self) -> tuple:
-        fixed, setup = (tuple(sorted(part.items())) for part in (self.fixed, self.setup))
+        fixed, setup = (tuple(sorted((p or {}).items())) for p in (self.fixed, self.setup))
         asked = self.objective, tuple(self.free.items()), self.constraints, fixed, setup
         return (*asked, self.rtol, self.atol, self.max_time)
 
@@ -220,7 +220,7 @@ class Evaluator:
     def __init__(self, problem: Problem, gradients: bool = True):
         if not isinstance(problem, Problem):
             raise TypeError(f"problem = {problem!r} is not a Problem")
-        warn_float32(problem.rtol, problem.atol)
+        self.told = warn_float32(problem.rtol, problem.atol)
         self.problem, self.width = problem, 0
 
         def one(x, rtol, atol):
@@ -254,13 +254,11 @@ class Evaluator:
         if points.ndim != 2 or points.shape[1] != n or not len(points):
             raise ValueError(f"points of shape {points.shape} are not (S, {n}) or are none")
         check_parameters(dict(zip(problem.names, points.T, strict=True)))
-        own = rtol is None and atol is None  # said when this was made
         rtol = problem.rtol if rtol is None else rtol
         atol = problem.atol if atol is None else atol
         for name, value in (("rtol", rtol), ("atol", atol)):
             check_range(name, value, "", 0, 0.1, low_open=True)
-        if not own:
-            warn_float32(rtol, atol)
+        self.told = self.told or warn_float32(rtol, atol)
         rtol, atol = jnp.asarray(rtol), jnp.asarray(atol)
         if not self.width:  # kept, so that fewer points later compile nothing
             batches = -(-len(points) // (_LANES * len(workers))) * len(workers)

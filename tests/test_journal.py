@@ -1,8 +1,9 @@
 """The log of an optimisation: what it keeps, what it refuses, who may write it."""
 
-import errno
+import contextlib
 import itertools
 import os
+import resource
 import subprocess
 import sys
 
@@ -173,24 +174,40 @@ def test_an_answer_to_another_question_is_refused(log):
             Journal(log, ASKED).recall(starts, other)
 
 
-def test_a_full_disk_is_said_and_the_log_stays_usable(log, monkeypatch):
-    journal, whole = Journal(log, ASKED), log.read_bytes()
+@contextlib.contextmanager
+def files_up_to(size):
+    """No file can grow beyond so many bytes: what a full disk does."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_is_said_and_the_log_stays_usable(log, tmp_path):
+    journal, size = Journal(log, ASKED), log.stat().st_size
     journal.recalled = 3
-    real = os.fsync
-
-    def full(handle):
-        os.ftruncate(handle, len(whole) + 20)  # so much of the line was written
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(WriteError, match=r"cannot write .*log.jsonl: No space left on device"):
+    with files_up_to(size + 20), pytest.raises(WriteError) as full:
         journal.keep(STARTS, *asked_and_found(3))
-    monkeypatch.setattr(os, "fsync", real)
+    assert str(full.value) == f"cannot write {log}: File too large"
+    assert log.stat().st_size == size + 20  # so much of the line was written
     assert recalled(log) == 3
-    journal = Journal(log, ASKED)
+    assert log.stat().st_size == size
+    with (
+        files_up_to(20),
+        pytest.raises(WriteError, match=r"cannot write .*new.jsonl: File too"),
+    ):
+        Journal(tmp_path / "new.jsonl", ASKED)
+    assert {path.name for path in tmp_path.iterdir()} == {log.name}
+
+
+def test_a_log_that_somebody_else_changes_is_left_alone(log):
+    journal, whole = Journal(log, ASKED), log.read_bytes()
     log.write_bytes(whole[:-1])
     with pytest.raises(WriteError, match="it was changed meanwhile"):
         journal.keep(STARTS, *asked_and_found(3))
+    assert log.read_bytes() == whole[:-1]
     log.unlink()
     with pytest.raises(WriteError, match="No such file"):
         journal.keep(STARTS, *asked_and_found(3))
@@ -302,3 +319,22 @@ def test_what_is_computed_is_told_apart_by_its_code():
     assert one == print_of(1.0)
     assert one != print_of(1.0000001)
     assert one != print_of(1.0, fixed={"height": 3.0})
+
+
+@pytest.mark.slow
+def test_what_is_computed_is_known_again_by_another_process(tmp_path):
+    code = """
+import jax
+jax.config.update("jax_enable_x64", True)
+from jaxglide.objectives import clearance, landing_distance, stability_margin
+from jaxglide.problem import Evaluator, Problem
+limits = [stability_margin.at_least(10, 10), clearance.at_least(1)]
+print(Evaluator(Problem(landing_distance, ("theta_m",), limits)).fingerprint())
+"""
+    prints = [
+        subprocess.check_output(
+            [sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed}
+        )
+        for seed in ("1", "2")
+    ]
+    assert prints[0] == prints[1]

@@ -2,7 +2,9 @@
 
 import json
 import math
+import warnings
 
+import jax
 import numpy as np
 import optax
 import pytest
@@ -469,6 +471,46 @@ def test_the_best_elevation_of_a_throw(thrown, evaluator):
     poor = verify(thrown, {"elevation": 10.0}, samples=7, radius=0.05)
     assert poor.gain > 0.01
     assert poor.nearby == pytest.approx(flown(poor.at[0])[0], rel=1e-8)
+
+
+def test_float32_is_said_once_by_a_search_and_by_what_it_is_made_of(monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    problem = problem_of()
+    loose = Problem(landing_distance, FREE, rtol=1e-5, atol=1e-5)
+    monkeypatch.setattr("jaxglide.problem.ThreadPoolExecutor", interrupted)
+    with jax.enable_x64(False), warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("default")
+        with pytest.raises(KeyboardInterrupt):
+            optimise(problem)
+        with pytest.raises(KeyboardInterrupt):
+            verify(problem, [90.0, 1.2])
+        with pytest.raises(KeyboardInterrupt):
+            verify(loose, [90.0, 1.2])
+        with pytest.raises(KeyboardInterrupt):
+            optimise(loose)
+    assert [one.filename for one in said] == [__file__] * 3
+    assert len({one.lineno for one in said}) == 3
+    texts = [str(one.message).split(" are too tight for float32")[0] for one in said]
+    assert texts == ["rtol = 1e-07, atol = 1e-07"] * 2 + ["rtol = 1e-09, atol = 1e-09"]
+
+
+def test_points_that_cannot_be_evaluated_are_named():
+    evaluate = Evaluator(problem_of())
+    for points, message in (
+        (np.ones(2), r"points of shape \(2,\) are not \(S, 2\)"),
+        (np.ones((4, 3)), r"points of shape \(4, 3\)"),
+        (np.empty((0, 2)), r"points of shape \(0, 2\) .* or are none"),
+        ([[90.0, np.nan]], "nu_theta = nan is not allowed"),
+        ([[200.0, 1.2]], "theta_m = 200 deg is not allowed"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            evaluate(points)
+    with pytest.raises(ValueError, match="rtol = 0 is not allowed"):
+        evaluate([[90.0, 1.2]], rtol=0.0)
+    with pytest.raises(TypeError, match="is not a Problem"):
+        Evaluator(landing_distance)
 
 
 # --- bad input -------------------------------------------------------------------------

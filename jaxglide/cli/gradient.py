@@ -41,7 +41,7 @@ def _point(names: list[str], fixed: dict[str, float]) -> dict[str, float]:
     for name in names:
         if name in PARAMETERS and case[name] is None:
             raise ValueError(f"{name} follows from other parameters: give its value too")
-    point = {name: case.get(name) for name in names}
+    point: dict[str, Any] = {name: case.get(name) for name in names}
     check_parameters(point)
     return point
 

@@ -1,16 +1,19 @@
 """Checks of what a user passes in (floor 0).
 
-Checks look at concrete values only: inside `jit`, `grad` or `vmap` the values are not
-known yet and every check passes, so the same constructors serve the front door and
-traced code.
+Checks of values look at concrete ones only: inside `jit`, `grad` or `vmap` the values are
+not known yet and every check passes, so the same constructors serve the front door and
+traced code. Shapes are known there too, under `vmap` those of one lane, and always checked.
 """
 
+import dataclasses
 import sys
 import warnings
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_args
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -23,13 +26,20 @@ def is_traced(value: Any) -> bool:
     return isinstance(value, Tracer)
 
 
+def all_known(*trees: Any) -> bool:
+    """Whether nothing in `trees` is traced, nor what is computed of constants here."""
+    return not any(map(is_traced, [*jax.tree.leaves(trees), jnp.add(0, 0)]))
+
+
 def number(name: str) -> Callable[[Any], Array]:
     """Converter of a field to a float array; `TypeError` names what is no number."""
 
     def convert(value: Any) -> Array:
         try:
+            if np.iscomplexobj(value):
+                raise TypeError
             return jnp.asarray(value, float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise TypeError(f"{name} = {value!r} is not a number") from None
 
     return convert
@@ -63,8 +73,10 @@ def check_range(
         return
     try:
         array = np.asarray(value)
+        if array.dtype.kind == "c":
+            raise TypeError
         array = array if array.dtype.kind == "f" else array.astype(float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} = {value!r} is not a number") from None
     # In the value's own precision: 180 degrees in float32 are a little more than pi.
     low, high = array.dtype.type(low), array.dtype.type(high)
@@ -89,6 +101,49 @@ def check_integer(name: str, value: Any, low: int, high: int) -> None:
         raise TypeError(f"{name} = {value!r} is not a whole number")
     if not low <= value <= high:
         raise ValueError(f"{name} = {value} is not allowed: it must be in [{low}, {high}]")
+
+
+def check_shape(name: str, value: Any, shape: tuple) -> None:
+    """Raise `ValueError` unless an array has a shape, of sizes and of letters for any size."""
+    found, sizes = np.shape(value), {}
+    if len(found) == len(shape) and all(
+        size == (sizes.setdefault(wanted, size) if isinstance(wanted, str) else wanted)
+        for size, wanted in zip(found, shape, strict=True)
+    ):
+        return
+    words = f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
+    raise ValueError(f"{name} has shape {found}: it must be {words if shape else 'one number'}")
+
+
+@lru_cache
+def _declared(kind: type) -> list[tuple[str, tuple]]:
+    """Names of a module's array fields with the shapes that their annotations declare."""
+    found = []
+    for field in dataclasses.fields(kind):
+        for hint in get_args(field.type) or (field.type,):
+            if hasattr(hint, "dim_str"):
+                dims = (int(d) if d.isdecimal() else d for d in hint.dim_str.split())
+                found.append((field.name, tuple(dims)))
+    return found
+
+
+def check_shapes(module: Any) -> None:
+    """Raise `ValueError` unless every array of a module has its field's annotated shape."""
+    for name, shape in _declared(type(module)):
+        value = getattr(module, name)
+        if value is not None:
+            check_shape(name, value, shape)
+
+
+Kind = TypeVar("Kind")
+
+
+def check_kind(name: str, value: Any, kind: type[Kind]) -> Kind:
+    """`value`; `TypeError` unless it is a `kind`."""
+    if isinstance(value, kind):
+        return value
+    given = type(value).__name__
+    raise TypeError(f"{name} must be of type {kind.__name__}, not {given}")
 
 
 def check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:

@@ -17,13 +17,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ._checks import check_kind, is_traced
 from ._numerics import cross, safe_sqrt, solve3
 from ._types import Mat3, Nodes3, Scalar, State
 from .aerodynamics import Aerodynamics, element_forces
 from .attitude import angle_rates, rotation_matrix
 from .environment import Environment
 from .gait import Gait
-from .inertia import inertia_tensor, moment_of, over_nodes
+from .inertia import inertia_tensor, over_nodes, section_moment
 from .kinematics import Backbone, backbone, wave_phase
 from .polar import Polar
 from .snake import Sections, Snake
@@ -39,12 +40,38 @@ class Glider(eqx.Module):
     """What flies: a snake, its gait, its force coefficients, and the air around it.
 
     Every float in it can be differentiated with respect to.
+
+    Raises:
+        TypeError: a part is of another type.
+        ValueError: a value in it is not allowed, or a straight body has no inertia about its
+            own axis (see `Snake.gyration`).
     """
 
     snake: Snake
     gait: Gait
     polar: Polar = eqx.field(default_factory=Polar.published)
     environment: Environment = eqx.field(default_factory=Environment)
+
+    def __check_init__(self):
+        check_kind("snake", self.snake, Snake).__check_init__()
+        check_kind("gait", self.gait, Gait).__check_init__()
+        check_kind("polar", self.polar, Polar).__check_init__()
+        check_kind("environment", self.environment, Environment).__check_init__()
+        gyration = self.snake.gyration
+        if is_traced(gyration) or float(gyration) > 0:
+            return
+        bends = [getattr(self.gait, n) for n in ("theta_m", "psi_m", "d_psi", "d_theta")]
+        if not any(is_traced(bend) or float(bend) for bend in bends):
+            raise ValueError(
+                "gyration = 0 is not allowed of a straight body (theta_m, psi_m, d_psi and "
+                "d_theta all 0): it has no inertia about its own axis"
+            )
+
+
+def check_glider(glider) -> Glider:
+    """`glider`, checked again: its parts may have been exchanged since it was made."""
+    check_kind("glider", glider, Glider).__check_init__()
+    return glider
 
 
 class Flight(NamedTuple):
@@ -126,8 +153,9 @@ def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
     weight = jnp.stack([0.0 * glider.environment.gravity] * 2 + [glider.environment.gravity])
     acceleration = force_I / glider.snake.mass - weight
     effective = now.aerodynamics.force - sections.mass * now.relative_acceleration
-    moment = moment_of(now.body.position, effective)
-    omega_dot = solve3(inertia_tensor(sections.mass, now.body.position), moment)
+    moments = cross(now.body.position, effective)
+    moment = over_nodes(moments - section_moment(sections, now.body, state[OMEGA]))
+    omega_dot = solve3(inertia_tensor(sections, now.body), moment)
     velocity = state[VELOCITY]
     path_rate = safe_sqrt(velocity[0] ** 2 + velocity[1] ** 2)
     return jnp.concatenate(

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 
-from ._checks import check_range, number
+from ._checks import check_range, check_shapes, number
 from ._types import Scalar
 
 
@@ -25,6 +25,7 @@ class Environment(eqx.Module):
     )
 
     def __check_init__(self):
+        check_shapes(self)
         check_range("gravity", self.gravity, "m/s^2", 0, 100)
         check_range("air_density", self.air_density, "kg/m^3", 0, 2000, low_open=True)
         check_range(

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ._checks import check_range, number
+from ._checks import check_range, check_shapes, number
 from ._numerics import sincos
 from ._types import ArrayLike, Nodes, Scalar
 
@@ -49,6 +49,7 @@ class Gait(eqx.Module):
     d_theta: Scalar = eqx.field(converter=number("d_theta"), default=0.0)
 
     def __check_init__(self):
+        check_shapes(self)
         for name, (low, high) in _RANGES.items():
             check_range(name, getattr(self, name), "rad", low, high)
         check_range("nu_theta", self.nu_theta, "", 0, 10)

@@ -9,7 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ._checks import check_integer, check_range, is_traced, number, warn_float32
+from ._checks import (
+    check_integer,
+    check_kind,
+    check_range,
+    check_shape,
+    is_traced,
+    number,
+    warn_float32,
+)
 from ._modes import either_mode
 from ._peaks import PeakController
 from ._types import Array, Flag, Float, Integer, Scalar, State, Vec3
@@ -21,6 +29,7 @@ from .dynamics import (
     Elements,
     Flight,
     Glider,
+    check_glider,
     elements,
     six_degrees_of_freedom,
 )
@@ -178,14 +187,17 @@ class Glide(eqx.Module):
         """States at `times` [s], (T,) to (T, 13), NaN outside; needs `dense=True`."""
         if self.interpolation is None:
             raise ValueError("this glide kept no trajectory: simulate it with dense=True")
-        times = jnp.asarray(times, self.time.dtype)
+        _check_single(self)
+        times = jnp.asarray(number("times")(times), self.time.dtype)
+        check_shape("times", times, ("T",))
         inside = (times >= 0) & (times <= self.time)
         states = jax.vmap(self.interpolation.evaluate)(jnp.where(inside, times, 0.0))
         return _within(times, self.time, self.take_off.state, states)
 
-    def sample_times(self, count: int = 200) -> Float[Array, " T"]:
+    def sample_times(self, count: int = 200) -> Float[Array, "... T"]:
         """`count` equally spaced times [s] from launch to the end, (count,)."""
-        return jnp.linspace(0.0, 1.0, count) * self.time
+        check_integer("count", count, 1, 10**7)
+        return self.time[..., None] * jnp.linspace(0.0, 1.0, count)
 
     def view(self, path=None, **options):
         """An interactive view of this glide, one HTML file; needs `dense=True`.
@@ -238,6 +250,14 @@ class Glide(eqx.Module):
                 f"  solver steps     {int(self.accepted)} accepted, "
                 f"{int(self.rejected)} rejected",
             ]
+        )
+
+
+def _check_single(glide: Glide) -> None:
+    if glide.time.ndim:
+        raise ValueError(
+            f"this holds glides of shape {glide.time.shape}: take one, as "
+            "jax.tree.map(lambda x: x[0], glides), or use vmap"
         )
 
 
@@ -382,11 +402,20 @@ def simulate(
         The glide. Under `vmap`, every array has the batch dimensions in front.
 
     Raises:
-        ValueError: an argument is not finite or out of range; the message names it.
+        ValueError: an argument is not finite, out of range or of the wrong shape (fly many
+            at once by `vmap`); the message names it.
+        TypeError: an argument is of the wrong type.
     """
     launch = Launch() if launch is None else launch
-    for module in (glider.snake, glider.gait, glider.polar, glider.environment, launch):
-        module.__check_init__()
+    check_glider(glider)
+    check_kind("launch", launch, Launch).__check_init__()
+    if solver is not None:
+        check_kind("solver", solver, diffrax.AbstractERK)
+    if adjoint is not None:
+        check_kind("adjoint", adjoint, diffrax.AbstractAdjoint)
+    for name, value in (("rtol", rtol), ("atol", atol), ("max_time", max_time), ("step", step)):
+        if value is not None:
+            check_shape(name, value, ())
     check_range("rtol", rtol, "", 0, 0.1, low_open=True)
     check_range("atol", atol, "", 0, 0.1, low_open=True)
     check_range("max_time", max_time, "s", 0, 1e4, low_open=True)
@@ -396,8 +425,9 @@ def simulate(
     if times is not None:
         times = number("times")(times)
         check_range("times", times, "s", 0)
-        if times.ndim != 1 or times.size == 0:
-            raise ValueError(f"times has shape {times.shape}: it must be (T,), not empty")
+        check_shape("times", times, ("T",))
+        if times.size == 0:
+            raise ValueError("times is empty: give at least one")
         if not is_traced(times) and np.any(np.diff(times) < 0):
             raise ValueError("times must increase")
     dtype = launch.height.dtype
@@ -428,6 +458,7 @@ def reconstruct(glide: Glide, times=None) -> Elements:
     Args:
         glide: one glide, simulated with `dense=True` or with `times`.
         times: [s], (T,), within the glide; by default the times it was simulated for.
+            Inside `jit`, `vmap` or `grad` those outside it give NaN.
 
     Returns:
         `Elements` with a leading time axis: positions, velocities, angle of attack, Re,
@@ -437,12 +468,14 @@ def reconstruct(glide: Glide, times=None) -> Elements:
     Raises:
         ValueError: the glide kept no trajectory, or a time lies outside it.
     """
+    _check_single(check_kind("glide", glide, Glide))
     if times is None:
         if glide.times is None:
             raise ValueError("give times, or simulate the glide with times")
         times, states = glide.times, glide.states
     else:
-        check_range("times", times, "s", 0, float(glide.time))
-        times = jnp.asarray(times, float)
+        times = number("times")(times)
         states = glide.at(times)
+        if not is_traced(glide.time):
+            check_range("times", times, "s", 0, float(glide.time))
     return _reconstruct(glide, times, states)

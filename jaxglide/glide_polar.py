@@ -12,11 +12,18 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ._checks import check_integer, check_range, number
+from ._checks import check_integer, check_range, check_shape, number
 from ._types import Array, Float, Scalar
-from .dynamics import Glider
+from .dynamics import Glider, check_glider
 from .snake import discretise, wing_area
-from .windtunnel import FORCE_PHASES, MOMENT_PHASES, Tunnel, check_angles, mean_acceleration
+from .windtunnel import (
+    FORCE_PHASES,
+    MOMENT_PHASES,
+    PHASES,
+    Tunnel,
+    check_angles,
+    mean_acceleration,
+)
 
 
 class BodyPolar(NamedTuple):
@@ -26,7 +33,7 @@ class BodyPolar(NamedTuple):
         angle_of_attack: between the level body and its path [rad].
         lift, drag: phase-averaged, across and against the path [N].
         lift_coefficient, drag_coefficient: the same over dynamic pressure and wing area.
-        lift_to_drag: their ratio.
+        lift_to_drag: their ratio, NaN where there is neither.
     """
 
     angle_of_attack: Float[Array, " A"]
@@ -68,10 +75,13 @@ def body_polar(
     Raises:
         ValueError: an argument is not finite or out of range.
     """
+    check_glider(glider)
+    check_shape("speed", speed, ())
     check_range("speed", speed, "m/s", 0, 1e3, low_open=True)
     alpha = jnp.atleast_1d(number("angle_of_attack")(angle_of_attack))
     check_range("angle_of_attack", alpha, "rad", -np.pi, np.pi)
-    check_integer("phases", phases, 1, 100_000)
+    check_shape("angle_of_attack", alpha, ("A",))
+    check_integer("phases", phases, *PHASES)
     return _body_polar(glider, jnp.asarray(speed, alpha.dtype), alpha, phases)
 
 
@@ -102,9 +112,11 @@ def velocity_polar(
     Raises:
         ValueError: an argument is not finite or out of range.
     """
+    check_glider(glider)
     angles = check_angles(angles, phases)
     v_y, v_z = (jnp.atleast_1d(number(n)(v)) for n, v in (("v_y", v_y), ("v_z", v_z)))
     for name, value in (("v_y", v_y), ("v_z", v_z)):
+        check_shape(name, value, ("N",))
         check_range(name, value, "m/s", -1e3, 1e3)
     return _field(glider, v_y, v_z, angles, phases)
 
@@ -185,4 +197,5 @@ def equilibrium(
     Raises:
         ValueError: an argument is not finite or out of range.
     """
+    check_glider(glider)
     return _equilibrium(glider, check_angles(angles, phases), phases)

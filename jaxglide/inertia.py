@@ -1,12 +1,18 @@
-"""Inertia of the moving body about its centre of mass (floor 2, MODEL section 8)."""
+"""Inertia of the moving body about its centre of mass (floor 2, MODEL section 8).
+
+Every element has its mass on the backbone and, small beside it, the inertia of its section:
+that of two half masses a radius of gyration either side of the backbone, along the chord. The
+equations of motion of such points hold for them too, so that nothing else changes.
+"""
 
 from typing import NamedTuple
 
 import jax.numpy as jnp
 
 from ._numerics import cross
-from ._types import Mat3, Nodes, Nodes3, Vec3
+from ._types import Mat3, Nodes3, Vec3
 from .kinematics import Backbone
+from .snake import Sections
 
 
 class Inertia(NamedTuple):
@@ -25,12 +31,14 @@ class Inertia(NamedTuple):
     momentum_rate: Vec3
 
 
-def inertia_tensor(mass: Nodes, position: Nodes3) -> Mat3:
+def inertia_tensor(sections: Sections, body: Backbone) -> Mat3:
     """Inertia tensor sum m (|r|^2 1 - r r^T) [kg m^2], (3, 3)."""
-    x, y, z = position
-    mx, my, mz = mass * x, mass * y, mass * z
-    xx, yy, zz = jnp.sum(mx * x), jnp.sum(my * y), jnp.sum(mz * z)
-    xy, xz, yz = jnp.sum(mx * y), jnp.sum(mx * z), jnp.sum(my * z)
+    (x, y, z), (c_x, c_y, _) = body.position, body.chord
+    mx, my, mz = sections.mass * x, sections.mass * y, sections.mass * z
+    about_x, about_y = sections.axial_inertia * c_x, sections.axial_inertia * c_y
+    xx, yy = jnp.sum(mx * x + about_x * c_x), jnp.sum(my * y + about_y * c_y)
+    xy, zz = jnp.sum(mx * y + about_x * c_y), jnp.sum(mz * z)
+    xz, yz = jnp.sum(mx * z), jnp.sum(my * z)
     return jnp.stack(
         [
             jnp.stack([yy + zz, -xy, -xz]),
@@ -50,19 +58,41 @@ def moment_of(position: Nodes3, vectors: Nodes3) -> Vec3:
     return over_nodes(cross(position, vectors))
 
 
-def angular_momentum(mass: Nodes, body: Backbone) -> Vec3:
+def angular_momentum(sections: Sections, body: Backbone) -> Vec3:
     """Angular momentum of the shape change, sum m r x r' [kg m^2/s], (3,)."""
-    return moment_of(body.position, mass * body.velocity)
+    momentum = moment_of(body.position, sections.mass * body.velocity)
+    return momentum.at[2].add(jnp.sum(sections.axial_inertia * body.turning))
 
 
-def inertia(mass: Nodes, body: Backbone) -> Inertia:
+def shape_moment(sections: Sections, body: Backbone) -> Nodes3:
+    """Rate of every element's share of that momentum, m r x r'' [N m], (3, n)."""
+    moment = cross(body.position, sections.mass * body.acceleration)
+    return moment.at[2].add(sections.axial_inertia * body.turning_rate)
+
+
+def section_moment(sections: Sections, body: Backbone, omega_B: Vec3) -> Nodes3:
+    """Moment that turning its section with the body takes of every element [N m], (3, n).
+
+    For points at +-d c it is m d^2 c x (c'' + 2 omega x c' + omega x (omega x c)), without
+    the term in omega'; c' = w z x c with w the chord's rate of turning.
+    """
+    c_x, c_y, _ = body.chord
+    about_chord = omega_B[0] * c_x + omega_B[1] * c_y
+    tilt = about_chord * (2 * body.turning + omega_B[2])
+    turn = body.turning_rate + about_chord * (c_x * omega_B[1] - c_y * omega_B[0])
+    return sections.axial_inertia * jnp.stack([tilt * c_y, -tilt * c_x, turn])
+
+
+def inertia(sections: Sections, body: Backbone) -> Inertia:
     """All inertial properties of the body at one instant."""
-    r, v = body.position, body.velocity
+    mass, r, v = sections.mass, body.position, body.velocity
     outer = (mass * r) @ v.T
+    chord_rate = body.turning * cross(jnp.array([0.0, 0.0, 1.0]), body.chord)
+    outer = outer + (sections.axial_inertia * body.chord) @ chord_rate.T
     symmetric = outer + outer.T
     return Inertia(
-        tensor=inertia_tensor(mass, r),
+        tensor=inertia_tensor(sections, body),
         tensor_rate=jnp.trace(symmetric) * jnp.eye(3) - symmetric,
-        momentum=angular_momentum(mass, body),
-        momentum_rate=moment_of(r, mass * body.acceleration),
+        momentum=angular_momentum(sections, body),
+        momentum_rate=over_nodes(shape_moment(sections, body)),
     )

@@ -4,12 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ._numerics import sincos
-from ._types import ArrayLike, Nodes3, Scalar
+from ._types import ArrayLike, Nodes, Nodes3, Scalar
 from .gait import Gait, bending
 from .snake import Sections
-
-# Guards the chord direction where the backbone is vertical (a pure number).
-_VERTICAL = 1e-6
 
 
 class Backbone(eqx.Module):
@@ -21,6 +18,8 @@ class Backbone(eqx.Module):
         tangent: unit tangent, snout to vent, (3, n).
         chord: unit chord direction c, in the body's horizontal plane, (3, n).
         normal: b = t x c, out of the back, (3, n).
+        turning, turning_rate: rate of the chord's direction, about z, and the rate of that
+            [rad/s, rad/s^2], (n,).
     """
 
     position: Nodes3
@@ -29,6 +28,8 @@ class Backbone(eqx.Module):
     tangent: Nodes3
     chord: Nodes3
     normal: Nodes3
+    turning: Nodes
+    turning_rate: Nodes
 
 
 def wave_phase(gait: Gait, phi_theta, time) -> tuple[Scalar, Scalar]:
@@ -83,14 +84,16 @@ def backbone(
     )
     path = integrand @ sections.integral
 
-    # c = z x t/|z x t| and b = t x c in closed form; cos psi changes sign beyond 90 deg.
-    level = cos_p / jnp.sqrt(cos_p**2 + _VERTICAL**2)
-    zero = jnp.zeros_like(level)
+    # c = z x t/|z x t| and b = t x c (eqs 14-15) in closed form. Where the body bends past
+    # the vertical z x t reverses; the chord is carried on instead, as a body carries it.
+    zero = jnp.zeros_like(cos_p)
     return Backbone(
         position=path[0:3],
         velocity=path[3:6],
         acceleration=path[6:9],
         tangent=tangent,
-        chord=jnp.stack([level * cos_t, level * sin_t, zero]),
-        normal=jnp.stack([-level * sin_p * sin_t, level * sin_p * cos_t, level * cos_p]),
+        chord=jnp.stack([cos_t, sin_t, zero]),
+        normal=jnp.stack([-sin_p * sin_t, sin_p * cos_t, cos_p]),
+        turning=wave.theta_dot,
+        turning_rate=wave.theta_ddot,
     )

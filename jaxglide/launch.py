@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ._checks import check_range, number, optional_number
-from ._numerics import sincos, solve3
+from ._checks import check_range, check_shapes, number, optional_number
+from ._numerics import safe_sqrt, sincos, solve3
 from ._types import Array, Float, Mat3, Scalar, State, Vec3
 from .attitude import angle_rates, rotation_matrix
 from .dynamics import Glider
@@ -52,6 +52,7 @@ class Launch(eqx.Module):
     heading: Scalar = eqx.field(converter=number("heading"), default=0.0)
 
     def __check_init__(self):
+        check_shapes(self)
         check_range("height", self.height, "m", 0, 1e5, low_open=True)
         check_range("elevation", self.elevation, "rad", -np.pi / 2, np.pi / 2)
         check_range("heading", self.heading, "rad", -np.pi, np.pi)
@@ -61,10 +62,6 @@ class Launch(eqx.Module):
             check_range("phi_theta", self.phi_theta, "rad", -1e3, 1e3)
         if self.angles is not None:
             limit = np.deg2rad(85.0)
-            if self.angles.shape[-1:] != (3,):
-                raise ValueError(
-                    f"angles has shape {self.angles.shape}: it must be yaw, pitch, roll, (3,)"
-                )
             check_range(
                 "angles", self.angles, "rad", -limit, limit, low_open=True, high_open=True
             )
@@ -90,7 +87,7 @@ def published_speed(glider: Glider, sections: Sections) -> Scalar:
     """The published launch speed, 0.2409 sqrt(2 W_s/rho) [m/s]."""
     air = glider.environment
     loading = glider.snake.mass * air.gravity / jnp.sum(sections.area)
-    return _PUBLISHED_SPEED * jnp.sqrt(2 * loading / air.air_density)
+    return _PUBLISHED_SPEED * safe_sqrt(2 * loading / air.air_density)
 
 
 def launch_velocity(launch: Launch, speed: Scalar) -> Vec3:
@@ -120,8 +117,8 @@ class Cycle(eqx.Module):
 
         def sample(phase):
             body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, 1.0)
-            tensor = inertia_tensor(sections.mass, body.position)
-            return jnp.concatenate([angular_momentum(sections.mass, body), tensor.ravel()])
+            tensor = inertia_tensor(sections, body)
+            return jnp.concatenate([angular_momentum(sections, body), tensor.ravel()])
 
         samples = jax.vmap(sample)(2 * jnp.pi / _PHASES * jnp.arange(_PHASES))
         series = 2 * jnp.fft.rfft(samples, axis=0, norm="forward").T

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ._checks import check_choice, check_range, number
+from ._checks import check_choice, check_range, check_shapes, is_traced, number
 from ._types import Array, Float, Scalar
 
 MEASURED_ANGLES = (-10.0, 60.0)
@@ -26,6 +26,7 @@ REYNOLDS = np.arange(3000.0, 15001.0, 2000.0)
 """Reynolds numbers of the measurements, (7,)."""
 ALPHA = np.arange(-10.0, 91.0, 5.0)
 """Angles of attack of the extended table [deg], (21,); measured to 60."""
+_LARGEST = 1e3  # of a polynomial coefficient: no section comes near it
 
 _LIFT = np.array(
     [
@@ -147,7 +148,8 @@ class Polar(eqx.Module):
             sensitivity case is 1.36 and 0.6.
 
     Raises:
-        ValueError: a value is not finite or out of range.
+        ValueError: a value is not finite, out of range or of the wrong shape, or the drag
+            at a cell's corner is below 0.
     """
 
     cells: Float[Array, "72 6 2 k k"] = eqx.field(converter=number("cells"))
@@ -155,9 +157,12 @@ class Polar(eqx.Module):
     drag_scale: Scalar = eqx.field(converter=number("drag_scale"), default=1.0)
 
     def __check_init__(self):
+        check_shapes(self)
         check_range("lift_scale", self.lift_scale, "", 0, 100)
         check_range("drag_scale", self.drag_scale, "", 0, 100)
-        check_range("cells", self.cells, "")
+        check_range("cells", self.cells, "", -_LARGEST, _LARGEST)
+        if not is_traced(self.cells):
+            check_range("C_D of cells", np.asarray(self.cells)[:, :, 1, 0, 0], "", 0)
 
     @classmethod
     def from_name(cls, name: str, lift_scale=1.0, drag_scale=1.0) -> "Polar":

@@ -12,7 +12,14 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ._checks import check_choice, check_integer, check_range, number
+from ._checks import (
+    check_choice,
+    check_integer,
+    check_range,
+    check_shapes,
+    is_traced,
+    number,
+)
 from ._types import Array, Float, Nodes, NodesNodes, Scalar
 from .parameters import PUBLISHED_NECK
 
@@ -23,6 +30,7 @@ _CHORD = (0.51220022, 0.02895101, -4.88957129)
 _HEAD_DENSITY = (0.01661771, 1.36099325, -0.00012991)
 _BODY_DENSITY = (0.52583598, 1.11461374, -0.10778636)
 _HEAD_END = 0.037
+_GYRATION = 1e-3
 
 
 class Snake(eqx.Module):
@@ -38,6 +46,10 @@ class Snake(eqx.Module):
         head_density, body_density: the same for the linear mass density, up to a factor
             that `mass` fixes, before and after `head_fraction`, shape (3,).
         head_fraction: where the density changes from head to body, fraction of L.
+        gyration: radius of gyration of a section about the body's own axis, in chords, 0 to
+            1. The published model has 0: all mass on the backbone, and no inertia that could
+            turn a straight body about itself. The default is too little to move a published
+            figure and enough for a straight body to fly; a flat ellipse has 0.25.
         nodes: number of nodes, 8 to 2000 (static).
         node_set: "published" (midpoints and trapezoid rule, for comparison with the
             paper) or "gauss" (Gauss-Legendre on three panels, converges fast; static).
@@ -46,7 +58,8 @@ class Snake(eqx.Module):
             nothing: snakes of several lengths share one compiled function.
 
     Raises:
-        ValueError: a value is not finite or out of range.
+        ValueError: a value is not finite, out of range or of the wrong shape, or the chord
+            or the density is not above 0 all along.
     """
 
     length: Scalar = eqx.field(converter=number("length"))
@@ -60,11 +73,13 @@ class Snake(eqx.Module):
         converter=number("body_density"), default=_BODY_DENSITY
     )
     head_fraction: Scalar = eqx.field(converter=number("head_fraction"), default=_HEAD_END)
+    gyration: Scalar = eqx.field(converter=number("gyration"), default=_GYRATION, kw_only=True)
     nodes: int = eqx.field(static=True, default=70)
     node_set: NodeSet = eqx.field(static=True, default="published")
     spacing: float | None = eqx.field(static=True, default=None)
 
     def __check_init__(self):
+        check_shapes(self)
         check_range("length", self.length, "m", 0, 100, low_open=True)
         check_range("mass", self.mass, "kg", 0, 1e5, low_open=True)
         check_range(
@@ -73,14 +88,34 @@ class Snake(eqx.Module):
         check_range(
             "head_fraction", self.head_fraction, "of SVL", 0, 0.5, low_open=True, high_open=True
         )
-        for name in ("chord", "head_density", "body_density"):
-            check_range(name, getattr(self, name), "")
+        check_range("gyration", self.gyration, "chords", 0, 1)
+        self._check_profiles()
         check_integer("nodes", self.nodes, 8, 2000)
         check_choice("node_set", self.node_set, ("published", "gauss"))
         if self.spacing is not None:
             check_range("spacing", self.spacing, "m", 0, 100, low_open=True)
             if self.node_set == "gauss":
                 raise ValueError("spacing is for node_set = 'published' only")
+            reach = self.nodes * self.spacing
+            if not is_traced(self.length) and reach < (1 - 1e-6) * self.length:
+                raise ValueError(
+                    f"nodes = {self.nodes} at a spacing of {self.spacing:g} m reach "
+                    f"{reach:g} m only, less than the length of {self.length:g} m"
+                )
+
+    def _check_profiles(self):
+        """The body has a width and a mass all along."""
+        end = self.head_fraction
+        for name, low, high, most in (
+            ("chord", 0.0, 1.0, 1.0),
+            ("head_density", 0.0, end, np.inf),
+            ("body_density", end, 1.0, np.inf),
+        ):
+            coefficients = getattr(self, name)
+            check_range(name, coefficients, "")
+            if not (is_traced(coefficients) or is_traced(end)):
+                parabola = np.asarray(coefficients).tolist()
+                _check_profile(name, *parabola, float(low), float(high), most)
 
     @classmethod
     def from_svl(cls, svl=0.70, mass=None, **fields) -> "Snake":
@@ -99,6 +134,22 @@ class Snake(eqx.Module):
         return cls(svl, mass, **fields)
 
 
+@lru_cache(maxsize=64)
+def _check_profile(name, h, k, p, low, high, most):
+    """Raise `ValueError` unless a parabola is in (0, most] on [low, high]."""
+    if p == 0:
+        raise ValueError(f"{name} = ({h:g}, {k:g}, {p:g}) is not allowed: p must not be 0")
+    # its extremes are at the ends and at its vertex
+    for x in (low, high, min(max(h, low), high)):
+        value = _parabola(x, (h, k, p))
+        if not 0 < value <= most:
+            bracket = "]" if np.isfinite(most) else ")"
+            raise ValueError(
+                f"{name} = {value:g} at s/L = {x:g} is not allowed: it must be in "
+                f"(0, {most:g}{bracket} all along the body"
+            )
+
+
 class Sections(eqx.Module):
     """The body at its n nodes.
 
@@ -107,6 +158,7 @@ class Sections(eqx.Module):
         chord: chord [m], (n,).
         area: planform area of the element [m^2], (n,).
         mass: mass of the element [kg], (n,).
+        axial_inertia: inertia of the element about the body's own axis [kg m^2], (n,).
         integral: matrix that integrates along the body a field given at the nodes and
             removes the mass-weighted mean of the result [m], (n, n); the result at node i
             is `sum_j field_j integral[j, i]`.
@@ -116,6 +168,7 @@ class Sections(eqx.Module):
     chord: Nodes
     area: Nodes
     mass: Nodes
+    axial_inertia: Nodes
     integral: NodesNodes
 
 
@@ -196,6 +249,7 @@ def discretise(snake: Snake) -> Sections:
         chord=chord,
         area=chord * weight * snake.length,
         mass=snake.mass * share,
+        axial_inertia=snake.mass * share * (snake.gyration * chord) ** 2,
         integral=snake.length * centred.T,
     )
 

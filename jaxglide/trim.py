@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ._checks import check_choice, check_integer, check_range, is_traced, number
+from ._checks import check_choice, check_integer, check_range, check_shape, is_traced, number
 from ._types import Array, Float, Integer, Mat3, Scalar, Vec3
-from .dynamics import Glider
+from .dynamics import Glider, check_glider
 from .gait import Gait
 from .launch import Launch
 from .windtunnel import MOMENT_PHASES, PITCH, check_held, fall, loads, loads_at_end, over_phases
@@ -123,22 +123,22 @@ def trim(
         bounds: lowest and highest value, in the gait's units (radians, or none); by
             default -20 to 20 degrees for d_psi.
         launch: of the held glide at whose end the moment is read.
-        points: values scanned, at least 2.
+        points: values scanned, 2 to 1000.
         tolerance: of the value.
         **options: as in `windtunnel.fall`.
 
     Raises:
         ValueError: an argument is not finite or out of range.
     """
+    check_glider(glider)
     check_choice("parameter", parameter, GAIT_PARAMETERS)
-    check_integer("points", points, 2, 10_000)
+    check_integer("points", points, 2, 1000)
     check_range("tolerance", tolerance, "", 0, 1, low_open=True)
     if bounds is None:
         if parameter != "d_psi":
             raise ValueError(f"bounds of {parameter} must be given: lowest and highest value")
         bounds = np.deg2rad((-20.0, 20.0))
-    if np.shape(bounds) != (2,):
-        raise ValueError(f"bounds has shape {np.shape(bounds)}: it must be (lowest, highest)")
+    check_shape("bounds", bounds, (2,))
     if not any(map(is_traced, (bounds, *bounds))):
         low, high = map(float, bounds)
         if not low < high:
@@ -200,5 +200,8 @@ def derivatives(
     Raises:
         ValueError: an argument is not finite or out of range.
     """
+    check_glider(glider)
     velocity, angles = check_held(velocity, angles, phases)
+    check_shape("time", time, ())
+    check_range("time", time, "s", -1e4, 1e4)
     return _derivatives(glider, velocity, angles, jnp.asarray(time, angles.dtype), phases)

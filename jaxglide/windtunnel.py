@@ -16,13 +16,21 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ._checks import check_integer, check_range, is_traced, number, warn_float32
+from ._checks import (
+    check_integer,
+    check_kind,
+    check_range,
+    check_shape,
+    is_traced,
+    number,
+    warn_float32,
+)
 from ._modes import either_mode
 from ._numerics import cross, sincos
 from ._types import Array, Float, Integer, Scalar, Vec3
-from .dynamics import ANGLES, VELOCITY, Elements, Flight, Glider, elements
+from .dynamics import ANGLES, VELOCITY, Elements, Flight, Glider, check_glider, elements
 from .glide import Outcome
-from .inertia import moment_of, over_nodes
+from .inertia import moment_of, over_nodes, shape_moment
 from .launch import Launch, published_speed
 from .snake import Sections, discretise
 
@@ -34,6 +42,9 @@ MOMENT_PHASES = 60
 """Phases at which moments are read, as published."""
 PUBLISHED_LAUNCH = (10.0, 1.7)
 """Height [m] and forward speed [m/s] of the published held glides."""
+
+PHASES = (4, 10_000)
+"""Fewest and most phases: with fewer than four, left and right alone are compared."""
 
 _FIRST_STEP = 1e-2  # s
 _MAX_STEP = 0.2  # s; the ground shows as a sign change between steps only
@@ -71,9 +82,16 @@ class Loads(eqx.Module):
 
     @property
     def inertial_ratio(self) -> Float[Array, "... 3"]:
-        """Peak-to-peak of the inertial over that of the aerodynamic moment, (..., 3)."""
-        return (
-            over_phases(self.inertial).peak_to_peak / over_phases(self.aerodynamic).peak_to_peak
+        """Peak-to-peak of the inertial over that of the aerodynamic moment, (..., 3).
+
+        NaN, for undefined, where the air's moment is the same at all phases: without air, or
+        for a straight body.
+        """
+        air = over_phases(self.aerodynamic).peak_to_peak
+        return jnp.where(
+            air == 0,
+            jnp.nan,
+            over_phases(self.inertial).peak_to_peak / jnp.where(air == 0, 1.0, air),
         )
 
 
@@ -98,21 +116,21 @@ def _by_phase(glider, sections, velocity, angles, time, phases, per_element=Fals
     def at(phase):
         now = _held(glider, sections, velocity, angles, time, phase)
         r, force = now.body.position, now.aerodynamics.force
-        inertia = sections.mass * now.body.acceleration
+        inertial = shape_moment(sections, now.body)
         if per_element:
-            return Loads(force, cross(r, force), cross(r, inertia))
-        return Loads(over_nodes(force), moment_of(r, force), moment_of(r, inertia))
+            return Loads(force, cross(r, force), inertial)
+        return Loads(over_nodes(force), moment_of(r, force), over_nodes(inertial))
 
     return jax.vmap(at)(phases_of(phases))
 
 
 def check_angles(angles, phases) -> Vec3:
+    """Held angles [rad] as an array; `ValueError` where they or the phases are not allowed."""
     angles = number("angles")(angles)
-    if angles.shape != (3,):
-        raise ValueError(f"angles has shape {angles.shape}: it must be yaw, pitch, roll, (3,)")
+    check_shape("angles", angles, (3,))
     limit = _ANGLE_LIMIT
     check_range("angles", angles, "rad", -limit, limit, low_open=True, high_open=True)
-    check_integer("phases", phases, 1, 100_000)
+    check_integer("phases", phases, *PHASES)
     return angles
 
 
@@ -120,8 +138,7 @@ def check_held(velocity, angles, phases) -> tuple[Vec3, Vec3]:
     """Velocity [m/s] and angles [rad] as arrays; `ValueError` where they are not (3,)."""
     angles = check_angles(angles, phases)
     velocity = number("velocity")(velocity)
-    if velocity.shape != (3,):
-        raise ValueError(f"velocity has shape {velocity.shape}: it must be (3,)")
+    check_shape("velocity", velocity, (3,))
     check_range("velocity", velocity, "m/s", -1e3, 1e3)
     return velocity, angles
 
@@ -148,13 +165,15 @@ def loads(
         velocity: of the centre of mass, inertial axes [m/s], (3,).
         angles: yaw, pitch, roll [rad], (3,), below 85 degrees.
         time: in the waves' phase phi_theta - 2 pi f_theta t [s].
-        phases: number of phases phi_theta, equally spaced from 0.
+        phases: number of phases phi_theta, equally spaced from 0, 4 to 10,000.
         per_element: keep every element apart, (P, 3, n), instead of their sum, (P, 3).
 
     Raises:
         ValueError: an argument is not finite or out of range.
     """
+    check_glider(glider)
     velocity, angles = check_held(velocity, angles, phases)
+    check_shape("time", time, ())
     check_range("time", time, "s", -1e4, 1e4)
     return _read(glider, velocity, angles, jnp.asarray(time, angles.dtype), phases, per_element)
 
@@ -353,7 +372,7 @@ def fall(
         launch: height, speed and elevation, and nothing else; by default the published
             10 m and 1.7 m/s.
         angles: held yaw, pitch, roll [rad], (3,), below 85 degrees.
-        phases: number of phases over which the force is averaged.
+        phases: number of phases over which the force is averaged, 4 to 10,000.
         interval: between records [s], 1e-4 to 10; published 0.025.
         max_time: longest fall [s], at most 10,000 intervals.
         rtol, atol: tolerances of a step.
@@ -362,8 +381,8 @@ def fall(
         ValueError: an argument is not finite or out of range; the message names it.
     """
     launch = Launch(*PUBLISHED_LAUNCH) if launch is None else launch
-    for module in (glider.snake, glider.gait, glider.polar, glider.environment, launch):
-        module.__check_init__()
+    check_glider(glider)
+    check_kind("launch", launch, Launch).__check_init__()
     _check_launch(launch)
     angles = check_angles(angles, phases)
     check_range("interval", interval, "s", 1e-4, 10)

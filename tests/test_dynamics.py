@@ -60,7 +60,7 @@ def test_against_the_numpy_peer(polar, peer, random_states):
     )
     model = peer.prepare(settings)
     glider = Glider(
-        Snake.from_svl(0.81),
+        Snake.from_svl(0.81, gyration=0.0),
         Gait.from_degrees(**GAIT, d_theta=np.rad2deg(0.4)),
         Polar.from_name(polar, lift_scale=1.36, drag_scale=0.6),
     )
@@ -73,11 +73,14 @@ def test_against_the_numpy_peer(polar, peer, random_states):
         assert (error / np.linalg.norm(expected[:, where], axis=1)).max() < 1e-11
 
 
-def test_rotation_is_the_papers_equation(flight, random_states):
+@pytest.mark.parametrize("gyration", [0.0, 0.25, 1.0])
+def test_rotation_is_the_papers_equation(gyration, flight, random_states):
     """I w' = M - w x I w - [I'] w - w x h - [h'], with each term from `inertia`."""
     times, states = random_states(40, seed=2)
+    snake = Snake.from_svl(gyration=gyration)
+    flight = flight_of(Glider(snake, flight.glider.gait), flight.phi_theta)
     rates, now = field(times, states, flight)
-    parts = jax.jit(jax.vmap(lambda body: inertia(flight.sections.mass, body)))(now.body)
+    parts = jax.jit(jax.vmap(lambda body: inertia(flight.sections, body)))(now.body)
     tensor, tensor_rate, h, h_dot = (np.asarray(part) for part in parts)
     omega, omega_dot = states[:, OMEGA], np.asarray(rates[:, OMEGA])
     M = np.asarray(now.moment).sum(axis=2)

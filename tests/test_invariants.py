@@ -25,13 +25,12 @@ from jaxglide.inertia import inertia
 from jaxglide.kinematics import backbone, wave_phase
 
 GAIT = Gait.from_degrees(theta_m=100, psi_m=28, nu_theta=1.2, f_theta=1.4, d_psi=12, d_theta=15)
+FLAT = Snake.from_svl(gyration=0.25)  # whose sections have inertia of their own
 LAUNCH = Launch(height=2.0, speed=2.0, phi_theta=0.4, angles=[0.2, -0.1, 0.15])
 
 
 def in_vacuum(gravity, gait=GAIT):
-    return Glider(
-        Snake.from_svl(), gait, Polar.published(0.0, 0.0), Environment(gravity=gravity)
-    )
+    return Glider(FLAT, gait, Polar.published(0.0, 0.0), Environment(gravity=gravity))
 
 
 def body_at(time, flight):
@@ -40,10 +39,22 @@ def body_at(time, flight):
     return backbone(sections, glider.gait, glider.snake.neck_fraction, *phase)
 
 
+def points(time, flight):
+    """Half of every element's mass on either side of the backbone, body axes [m], (3, 2n)."""
+    body = body_at(time, flight)
+    offset = flight.glider.snake.gyration * flight.sections.chord * body.chord
+    return jnp.concatenate([body.position + offset, body.position - offset], axis=1)
+
+
+def halves(along_nodes):
+    """What an element has, shared between its two points, (..., 2n)."""
+    return jnp.concatenate([along_nodes, along_nodes], axis=-1) / 2
+
+
 def node_positions(time, state, flight):
-    """Of all nodes in inertial axes [m], (3, n)."""
+    """Of all points in inertial axes [m], (3, 2n)."""
     R = rotation_matrix(state[ANGLES])
-    return state[POSITION, None] + R.T @ body_at(time, flight).position
+    return state[POSITION, None] + R.T @ points(time, flight)
 
 
 def node_velocities(time, state, flight):
@@ -55,7 +66,7 @@ def node_velocities(time, state, flight):
 def angular_momentum_I(time, state, flight):
     """About the centre of mass, inertial axes [kg m^2/s], (3,)."""
     arms = node_positions(time, state, flight) - state[POSITION, None]
-    momenta = flight.sections.mass * node_velocities(time, state, flight)
+    momenta = halves(flight.sections.mass) * node_velocities(time, state, flight)
     return jnp.sum(jnp.cross(arms, momenta, axis=0), axis=1)
 
 
@@ -65,7 +76,7 @@ def along(times, states, flight):
 
     def at(time, state):
         velocities = node_velocities(time, state, flight)
-        mass = flight.sections.mass
+        mass = halves(flight.sections.mass)
         energy = 0.5 * jnp.sum(mass * jnp.sum(velocities**2, axis=0))
         return angular_momentum_I(time, state, flight), velocities @ mass, energy
 
@@ -144,7 +155,7 @@ def test_a_frozen_body_spins_as_a_rigid_one():
     )
     times, states = solution.ts, solution.ys
     spin, _, energy = along(times, states, flight)
-    tensor = np.asarray(inertia(flight.sections.mass, body_at(0.0, flight)).tensor)
+    tensor = np.asarray(inertia(flight.sections, body_at(0.0, flight)).tensor)
     omega = np.asarray(states[:, OMEGA])
     rigid = 0.5 * np.einsum("ni,ij,nj->n", omega, tensor, omega)
     np.testing.assert_allclose(energy, rigid, rtol=1e-10)
@@ -158,7 +169,7 @@ def test_a_frozen_body_spins_as_a_rigid_one():
 @pytest.fixture(scope="module", params=["published", "smooth"])
 def lively(request, random_states):
     """Instants of undulating flight in air: (times, states, flight)."""
-    glider = Glider(Snake.from_svl(), GAIT, Polar.from_name(request.param, 1.2, 0.9))
+    glider = Glider(FLAT, GAIT, Polar.from_name(request.param, 1.2, 0.9))
     return *random_states(30, seed=5), Flight(glider, sections_of(glider), jnp.asarray(0.4))
 
 
@@ -169,7 +180,7 @@ def balance(times, states, flight):
     Accelerations are second derivatives of the elements' inertial positions along the
     flow, so that no term of the equations of motion enters but the rates under test.
     """
-    mass = flight.sections.mass
+    mass = halves(flight.sections.mass)
     gravity = flight.glider.environment.gravity
 
     def at(time, state):
@@ -179,9 +190,9 @@ def balance(times, states, flight):
         )
         arms = node_positions(time, state, flight) - state[POSITION, None]
         now = elements(time, state, flight)
-        air = now.R_BI.T @ now.aerodynamics.force
+        air = halves(now.R_BI.T @ now.aerodynamics.force)
         body = mass * (accelerations + jnp.array([[0.0], [0], [gravity]])) - air
-        shape = now.R_BI.T @ now.body.velocity
+        shape = now.R_BI.T @ jax.jvp(lambda t: points(t, flight), (time,), (1.0,))[1]
 
         def energy(t, y):
             motion = 0.5 * jnp.sum(mass * jnp.sum(node_velocities(t, y, flight) ** 2, axis=0))
@@ -190,7 +201,8 @@ def balance(times, states, flight):
         rate = jax.jvp(energy, (time, state), (1.0, flow))[1]
         power = jnp.sum(air * velocities), jnp.sum(body * shape)
         moments = (jnp.sum(jnp.cross(arms, f, axis=0), axis=1) for f in (body, air))
-        apart = velocities - now.R_BI.T @ now.air_velocity
+        met = jnp.mean(velocities.reshape(3, 2, -1), axis=1)
+        apart = met - now.R_BI.T @ now.air_velocity
         return jnp.sum(body, axis=1), *moments, rate, *power, jnp.abs(apart).max()
 
     return jax.vmap(at)(times, states)

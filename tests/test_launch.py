@@ -75,7 +75,7 @@ def test_phase_is_the_first_minimum_downhill(gaits, launches):
     def momentum(gait):
         def size(phase):
             body = backbone(sections, gait, snake.neck_fraction, phase, 1.0)
-            return jnp.sum(angular_momentum(sections.mass, body) ** 2)
+            return jnp.sum(angular_momentum(sections, body) ** 2)
 
         return jax.lax.map(size, phases, batch_size=100)
 
@@ -100,7 +100,7 @@ def test_phase_is_a_stationary_point_to_round_off(gaits, launches):
 
     def half_square(phase, gait):
         body = backbone(sections, gait, snake.neck_fraction, phase, 1.0)
-        return 0.5 * jnp.sum(angular_momentum(sections.mass, body) ** 2)
+        return 0.5 * jnp.sum(angular_momentum(sections, body) ** 2)
 
     slope, curvature = (
         jax.jit(jax.vmap(derivative))(launches.phi_theta, gaits)

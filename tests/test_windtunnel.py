@@ -173,7 +173,7 @@ def test_the_inertial_moment_is_the_rate_of_angular_momentum(glider):
     def momentum(j, time):
         phase, rate = wave_phase(glider.gait, 2 * np.pi * j / 12, time)
         body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, rate)
-        return np.asarray(angular_momentum(sections.mass, body))
+        return np.asarray(angular_momentum(sections, body))
 
     step = 1e-5
     for j in (0, 5, 11):

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ._checks import check_kind, is_traced
 from ._numerics import cross, safe_sqrt, solve3
@@ -34,6 +35,9 @@ VELOCITY = slice(3, 6)
 OMEGA = slice(6, 9)
 ANGLES = slice(9, 12)
 PATH = 12
+
+ANGLE_LIMIT = np.deg2rad(85.0)
+"""A glide whose |yaw|, |pitch| or |roll| reaches this is unstable [rad]."""
 
 
 class Glider(eqx.Module):

@@ -19,8 +19,9 @@ from ._checks import (
     warn_float32,
 )
 from ._modes import either_mode
-from ._peaks import PeakController
+from ._peaks import PeakController, beyond
 from ._types import Array, Flag, Float, Integer, Scalar, State, Vec3
+from .dynamics import ANGLE_LIMIT as ANGLE_LIMIT
 from .dynamics import (
     ANGLES,
     PATH,
@@ -35,9 +36,6 @@ from .dynamics import (
 )
 from .launch import Launch, TakeOff, take_off
 from .snake import discretise
-
-ANGLE_LIMIT = np.deg2rad(85.0)
-"""A glide whose |yaw|, |pitch| or |roll| reaches this is unstable [rad]."""
 
 _EVENT_TOLERANCE = {8: (1e-13, 1e-11), 4: (1e-6, 1e-5)}  # relative and absolute
 _MAX_STEP = 0.05  # s; events show as sign changes between steps only
@@ -269,15 +267,18 @@ def _within(times, end, start: State, states):
 
 def _clearance(t, y, args=None, **_):
     """Positive in flight, zero at the first of ground contact or an angle's limit."""
-    return jnp.minimum(y[2], jnp.min(ANGLE_LIMIT - jnp.abs(y[ANGLES])))
+    return -jnp.max(_beyond(y))
+
+
+def _beyond(y: State):
+    return beyond(jnp.concatenate([y[2:3], y[ANGLES]]))
 
 
 def _outcome(solution, upright, end: State) -> Integer:
     """Why the glide ended: of all limits at the end point, the one it is closest to."""
-    clearances = jnp.concatenate([end[2:3], ANGLE_LIMIT - jnp.abs(end[ANGLES])])
     result, results = solution.result, diffrax.RESULTS
     ended = (result == results.event_occurred) | ~upright
-    outcome = jnp.where(ended, jnp.argmin(clearances), Outcome.OUT_OF_TIME)
+    outcome = jnp.where(ended, jnp.argmax(_beyond(end)), Outcome.OUT_OF_TIME)
     outcome = jnp.where(result == results.max_steps_reached, Outcome.OUT_OF_STEPS, outcome)
     # A vector field that is not finite has every step rejected, down to the smallest.
     finite = jnp.all(jnp.isfinite(end)) & (result != results.dt_min_reached)
@@ -342,7 +343,7 @@ def _fly(glider: Glider, launch: Launch, *, settings: Settings, adjoint) -> _Flo
         outcome=_outcome(solution, upright, state),
         time=time,
         state=state,
-        max_angles=peaks.upto(time, state).largest,
+        max_angles=peaks.upto(time, state),
         accepted=stats["num_accepted_steps"],
         rejected=stats["num_rejected_steps"],
         states=states,

@@ -13,7 +13,7 @@ from ._checks import check_range, check_shapes, number, optional_number
 from ._numerics import safe_sqrt, sincos, solve3
 from ._types import Array, Float, Mat3, Scalar, State, Vec3
 from .attitude import angle_rates, rotation_matrix
-from .dynamics import Glider
+from .dynamics import ANGLE_LIMIT, Glider
 from .inertia import angular_momentum, inertia_tensor
 from .kinematics import backbone
 from .snake import Sections
@@ -61,7 +61,7 @@ class Launch(eqx.Module):
         if self.phi_theta is not None:
             check_range("phi_theta", self.phi_theta, "rad", -1e3, 1e3)
         if self.angles is not None:
-            limit = np.deg2rad(85.0)
+            limit = ANGLE_LIMIT
             check_range(
                 "angles", self.angles, "rad", -limit, limit, low_open=True, high_open=True
             )

@@ -13,7 +13,6 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optimistix as optx
 
 from ._checks import (
@@ -29,7 +28,7 @@ from ._modes import either_mode
 from ._numerics import cross, sincos
 from ._types import Array, Float, Integer, Scalar, Vec3
 from .dynamics import ANGLES, VELOCITY, Elements, Flight, Glider, check_glider, elements
-from .glide import Outcome
+from .glide import ANGLE_LIMIT, Outcome
 from .inertia import moment_of, over_nodes, shape_moment
 from .launch import Launch, published_speed
 from .snake import Sections, discretise
@@ -50,7 +49,6 @@ _FIRST_STEP = 1e-2  # s
 _MAX_STEP = 0.2  # s; the ground shows as a sign change between steps only
 _MAX_STEPS = 4096
 _GROUND = {8: (1e-13, 1e-11), 4: (1e-6, 1e-5)}  # tolerances of the landing, by float size
-_ANGLE_LIMIT = np.deg2rad(85.0)
 
 
 def phases_of(count: int) -> Float[Array, " P"]:
@@ -128,7 +126,7 @@ def check_angles(angles, phases) -> Vec3:
     """Held angles [rad] as an array; `ValueError` where they or the phases are not allowed."""
     angles = number("angles")(angles)
     check_shape("angles", angles, (3,))
-    limit = _ANGLE_LIMIT
+    limit = ANGLE_LIMIT
     check_range("angles", angles, "rad", -limit, limit, low_open=True, high_open=True)
     check_integer("phases", phases, *PHASES)
     return angles

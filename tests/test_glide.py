@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
 import pytest
 
 from jaxglide import (
@@ -26,10 +27,11 @@ from jaxglide import (
     simulate,
     six_degrees_of_freedom,
 )
-from jaxglide._peaks import Peaks
+from jaxglide._peaks import PeakController, Peaks
 from jaxglide.attitude import angle_rates
 from jaxglide.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
 from jaxglide.extrapolation import extrapolation
+from jaxglide.glide import _clearance
 
 TIMES = 0.1 * np.arange(24)
 LIMIT = np.deg2rad(85)
@@ -162,7 +164,7 @@ def test_largest_angles_between_two_steps():
     @jax.vmap
     def largest(angles, rates):
         start, end = (state(a, r) for a, r in zip(angles, rates, strict=True))
-        return Peaks.start(times[0], start).upto(times[1], end).largest
+        return Peaks.start(times[0], start).upto(times[1], end)
 
     found = largest(angles.swapaxes(0, 1), rates.swapaxes(0, 1))
     x = np.linspace(0, 1, 5001)[:, None, None]
@@ -176,6 +178,76 @@ def test_largest_angles_between_two_steps():
     expected = np.abs(cubic).max(axis=0)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
     assert (expected > np.abs(angles).max(axis=0) + 0.1).mean() > 0.2  # peaks lie between
+
+
+@jax.jit
+@jax.vmap
+def swing(pitch, dip):
+    """A body that nods to `pitch` [rad] and dips by `dip` [m] from 1 m, both as a sine of t."""
+
+    def field(t, y, _):
+        nod = jnp.zeros(13).at[ANGLES.start + 1].set(y[OMEGA][0])
+        nod = nod.at[OMEGA.start].set(-pitch * jnp.sin(t))
+        return nod.at[2].set(y[5]).at[5].set(dip * jnp.sin(t))
+
+    start = jnp.zeros(13).at[2].set(1.0).at[5].set(-dip).at[OMEGA.start].set(pitch)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(field),
+        diffrax.Dopri5(),
+        0.0,
+        3.0,
+        0.01,
+        start,
+        saveat=diffrax.SaveAt(t1=True, controller_state=True),
+        stepsize_controller=PeakController(diffrax.PIDController(1e-10, 1e-10, dtmax=0.05)),
+        event=diffrax.Event(_clearance, optx.Bisection(1e-12, 1e-12, flip=True), False),
+        throw=False,
+    )
+    peaks = solution.controller_state[1]
+    time, state = solution.ts[0], solution.ys[0]
+    return time, peaks.upto(time, state), solution.stats["num_steps"]
+
+
+def test_a_limit_that_is_only_grazed_ends_the_flight():
+    """Peaks that pass a limit for less than a step, and such as just do not."""
+    over = np.linspace(-2e-5, 2e-5, 101)[np.arange(101) != 50]
+    over = np.concatenate([over, over / 4])
+    none, past = 0 * over, over > 0
+    time, largest, steps = swing(LIMIT * (1 + over), none)
+    crossing = np.arcsin(np.minimum(1 / (1 + over), 1))
+    np.testing.assert_allclose(time[past], crossing[past], rtol=0, atol=2e-5)
+    np.testing.assert_array_equal(time[~past], 3.0)
+    assert largest.max() < LIMIT + 2e-10
+    time, _, more = swing(none, 1 + over)
+    np.testing.assert_allclose(time[past], crossing[past], rtol=0, atol=2e-5)
+    np.testing.assert_array_equal(time[~past], 3.0)
+    usual = swing(np.full(1, 0.5), np.full(1, 0.5))[2]
+    assert max(steps.max(), more.max()) <= 1.5 * usual[0]  # cut, not crept up to
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("nu_theta", "d_psi"), [(1.0, 19.622), (1.1, -5.46807), (1.0, -4.20442)]
+)
+def test_the_outcome_agrees_with_the_largest_angles(nu_theta, d_psi):
+    """Families of glides in which an angle comes to 85 degrees and turns back."""
+
+    @jax.jit
+    @jax.vmap
+    def family(d_psi, speed):
+        gait = Gait.from_degrees(nu_theta=nu_theta, d_psi=d_psi)
+        return simulate(Glider(Snake.from_svl(), gait), Launch(speed=speed))
+
+    count = 281
+    glides = family(d_psi + np.linspace(-0.003, 0.003, count), np.full(count, 0.48))
+    largest, outcome = np.asarray(glides.max_angles), np.asarray(glides.outcome)
+    assert largest.max() < LIMIT + 2e-10
+    ended = largest.argmax(axis=1) + 1
+    np.testing.assert_array_equal(outcome, np.where(outcome == 0, 0, ended))
+    assert set(outcome) >= {0}
+    assert 20 < (outcome == 0).sum() < count - 20  # on both sides of the limit
+    unstable = np.asarray(glides.time)[outcome > 0]
+    assert unstable.max() < np.asarray(glides.time)[outcome == 0].min() - 0.1
 
 
 def test_path_length_is_the_integral_of_horizontal_speed(glide):

@@ -65,7 +65,7 @@ def connected(cluster: Any, tell: bool = True) -> Iterator[Any]:
             except (ValueError, TypeError) as error:
                 raise ValueError(f"{cluster!r} is not a scheduler's address: {error}") from None
         if tell and not client.scheduler_info()["workers"]:
-            print(f"no worker at {client.scheduler.address} yet: waiting", file=sys.stderr)
+            print("the cluster has no worker yet: waiting for one", file=sys.stderr)
         yield client
 
 

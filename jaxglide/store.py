@@ -60,6 +60,7 @@ class Layout(NamedTuple):
 
     @property
     def fill(self) -> float:
+        """What stands where nothing was computed."""
         return math.nan if self.dtype.kind == "f" else -1
 
 
@@ -88,6 +89,11 @@ def layout(study: Study, kind: str) -> dict[str, Layout]:
     }
 
 
+def blank(study: Study, kind: str) -> dict[str, np.ndarray]:
+    """Results of no glide yet, by name, (N, ...): -1 and NaN."""
+    return {name: array.blank(len(study)) for name, array in layout(study, kind).items()}
+
+
 def _metadata(shape, chunks, dims, dtype, fill, about=None) -> bytes:
     """An array's description in Zarr v3."""
     record = {
@@ -108,9 +114,11 @@ def _metadata(shape, chunks, dims, dtype, fill, about=None) -> bytes:
 def _read(file: Path, most: int) -> bytes | None:
     """A file of at most that many bytes, one more if it is longer; None without one."""
     try:
+        if not file.is_file():  # a pipe would be waited for
+            return None
         with file.open("rb") as opened:
             return opened.read(most + 1)
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+    except FileNotFoundError:
         return None
     except OSError as error:
         raise OSError(f"cannot read {file}: {error.strerror or error}") from error
@@ -126,7 +134,7 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
 
 def _attributes(root: bytes | None) -> dict[str, Any]:
     """Attributes in the text of a group's `zarr.json`; none if it is not such a text."""
-    with contextlib.suppress(ValueError, RecursionError, AttributeError, TypeError):
+    with contextlib.suppress(ValueError, RecursionError, LookupError, TypeError):
         return dict(json.loads(root or b"")["attributes"])
     return {}
 
@@ -152,11 +160,12 @@ class Store:
     def __init__(self, path: str | Path, study: Study, root: bytes | None = None):
         self.path = Path(path)
         self.study = study
+        told = versions()
         self.attributes = _attributes(root) or {
             "format": _FORMAT,
             "study": study.to_json(),
             "precision": precision(),
-            **{name: versions()[name] for name in map("version_{}".format, _VERSIONS)},
+            **{name: told[name] for name in map("version_{}".format, _VERSIONS)},
         }
         group = {"zarr_format": 3, "node_type": "group", "attributes": self.attributes}
         self._root = root or json.dumps(group).encode()
@@ -169,16 +178,6 @@ class Store:
     def rows(self, chunk: int) -> slice:
         """Places of a chunk's glides in the order in which they are solved."""
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.size))
-
-    @property
-    def bytes(self) -> int:
-        """Size of all results."""
-        each = (math.prod(a.shape) * a.dtype.itemsize for a in self.layout.values())
-        return self.size * sum(each)
-
-    def blank(self) -> dict[str, np.ndarray]:
-        """Results of no glide yet, by name, (N, ...): -1 and NaN."""
-        return {name: array.blank(self.size) for name, array in self.layout.items()}
 
     def _born(self) -> dict[str, bytes]:
         """Every file of a new store, by name."""
@@ -199,7 +198,8 @@ class Store:
 
     def check(self) -> None:
         """Raise `StoreError` unless the folder holds a store of this study."""
-        found = _attributes(_read(self.path / "zarr.json", _LARGEST))
+        root = _read(self.path / "zarr.json", max(_LARGEST, len(self._root)))
+        found = _attributes(root)
         away = "choose another place, or delete it"
         if not _is_ours(found):
             raise StoreError(f"{self.path} exists and is not the store of a sweep: {away}")
@@ -209,9 +209,10 @@ class Store:
             raise StoreError(f"{self.path} holds another study: {away}")
         for name, wanted in self.attributes.items():
             if found.get(name) != wanted:
+                was = str(found.get(name))[:50]
                 raise StoreError(
-                    f"{self.path} was made with {name} {found.get(name)}, this is {wanted}: "
-                    "finish it with the same, or choose another place"
+                    f"{self.path} was made with {name} {was}, this is {wanted}: finish it "
+                    "with the same, or choose another place"
                 )
         for name, wanted in self._born().items():
             if _read(self.path / name, len(wanted)) != wanted:
@@ -242,24 +243,22 @@ class Store:
     def tidy(self) -> None:
         """Remove what killed processes left unfinished; only for who holds the lock."""
         target = Path(os.path.realpath(self.path))
-        births = re.compile(re.escape(f".{target.name}") + _LITTER)
         for folder in target.parent.iterdir():
-            if births.fullmatch(folder.name):
+            if re.fullmatch(re.escape(f".{target.name}") + _LITTER, folder.name):
                 shutil.rmtree(folder, ignore_errors=True)
         for folder, _, files in os.walk(target):
             for name in files:
                 if re.fullmatch(r"\.\w+" + _LITTER, name):
-                    with contextlib.suppress(FileNotFoundError):
-                        (Path(folder) / name).unlink()
+                    (Path(folder) / name).unlink(missing_ok=True)
 
     def _file(self, name: str, chunk: int) -> str:
         return f"{name}/c/{chunk}" + "/0" * len(self.layout[name].shape)
 
-    def _digest(self, chunk: int, values: Mapping[str, np.ndarray]) -> bytes:
+    def _digest(self, chunk: int, files: Mapping[str, bytes]) -> bytes:
+        """Of a chunk's files by name, of its place and of what the store is."""
         total = hashlib.sha256(self._identity + chunk.to_bytes(8, "little"))
-        for name in self.layout:
-            total.update(name.encode())
-            total.update(np.ascontiguousarray(values[name]).tobytes())
+        for name, content in files.items():
+            total.update(f"{name} {len(content)} ".encode() + content)
         return total.digest()
 
     def finished(self) -> np.ndarray:
@@ -274,7 +273,7 @@ class Store:
             StoreError: a finished chunk does not match its digest.
             OSError: one cannot be read.
         """
-        flown, done = self.blank(), self.finished()
+        flown, done = blank(self.study, self.attributes["precision"]), self.finished()
         for chunk in map(int, np.flatnonzero(done)):
             values = self._read_chunk(chunk)
             if values is None:
@@ -288,17 +287,19 @@ class Store:
 
     def _read_chunk(self, chunk: int) -> dict[str, np.ndarray] | None:
         """Results of one chunk, or None if they are not what was written."""
-        rows, values = self.rows(chunk), {}
+        rows, files, values = self.rows(chunk), {}, {}
         for name, array in self.layout.items():
             shape = (self.chunk, *array.shape)
             size = math.prod(shape) * array.dtype.itemsize
-            raw = _read(self.path / self._file(name, chunk), size)
-            if raw is None or len(raw) != size:
+            file = self._file(name, chunk)
+            content = _read(self.path / file, size)
+            if content is None or len(content) != size:
                 return None
-            values[name] = np.frombuffer(raw, array.dtype).reshape(shape)
-            values[name] = values[name][: rows.stop - rows.start]
+            files[file] = content
+            whole = np.frombuffer(content, array.dtype).reshape(shape)
+            values[name] = whole[: rows.stop - rows.start]
         told = _read(self.path / f"digest/c/{chunk}/0", 32)
-        return values if told == self._digest(chunk, values) else None
+        return values if told == self._digest(chunk, files) else None
 
     def write(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
         """Write one chunk, then mark it finished.
@@ -317,7 +318,7 @@ class Store:
             files[self._file(name, chunk)] = whole.tobytes()
         try:
             _write(self.path, files)
-            _write(self.path, {f"digest/c/{chunk}/0": self._digest(chunk, values)})
+            _write(self.path, {f"digest/c/{chunk}/0": self._digest(chunk, files)})
         except WriteError as error:
             raise WriteError(
                 f"{error}; finished chunks of {self.path} are kept: run the same study again"
@@ -392,6 +393,7 @@ def load(path: str | Path) -> Store:
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise StoreError(f"{path} is damaged: its study cannot be read ({error})") from error
     store = Store(path, study, root)
-    check_memory(path, store.bytes)
+    each = (math.prod(a.shape) * a.dtype.itemsize for a in store.layout.values())
+    check_memory(path, store.size * sum(each))
     store.check()
     return store

@@ -12,7 +12,7 @@ import xarray as xr
 from ._checks import check_integer, warn_float32
 from .batch import default_width, solve
 from .records import study_dataset
-from .store import Store, opened
+from .store import blank, opened, precision
 from .study import Study
 
 
@@ -80,7 +80,7 @@ def _solve_here(study, order, width, rows) -> Iterator[tuple[np.ndarray, Mapping
 def _fill(study, kept, fly, progress) -> dict[str, np.ndarray]:
     """Results in solving order: what the store has, and the rest flown and kept there."""
     if kept is None:
-        flown, missing = Store("", study).blank(), np.ones(len(study), bool)
+        flown, missing = blank(study, precision()), np.ones(len(study), bool)
     else:
         flown, done = kept.read()
         missing = ~np.repeat(done, kept.chunk)[: len(study)]
@@ -89,9 +89,10 @@ def _fill(study, kept, fly, progress) -> dict[str, np.ndarray]:
             for name, value in flown.items():
                 value[rows] = values[name]
             missing[rows] = False
-            for chunk in np.unique(rows // kept.chunk) if kept is not None else ():
-                here = kept.rows(int(chunk))
-                if not missing[here].any():
-                    kept.write(int(chunk), {name: v[here] for name, v in flown.items()})
+            if kept is not None:
+                for chunk in map(int, np.unique(rows // kept.chunk)):
+                    here = kept.rows(chunk)
+                    if not missing[here].any():
+                        kept.write(chunk, {name: v[here] for name, v in flown.items()})
             bar.update(len(rows))
     return flown

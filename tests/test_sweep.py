@@ -162,6 +162,16 @@ def test_only_missing_chunks_are_computed(study, plain, tmp_path, monkeypatch):
     assert len(calls) == 4  # two, the interrupted one, and that one again
 
 
+def test_float32_is_said_and_kept_apart(tmp_path, monkeypatch):
+    study = Study(GRID, fixed={"height": 0.3})
+    monkeypatch.setattr(module, "solve", numbered)
+    with jax.enable_x64(False), pytest.warns(UserWarning, match="too tight for float32"):
+        data = sweep(study, tmp_path / "s.zarr", progress=False)
+    assert data.time.dtype == np.float32
+    with pytest.raises(StoreError, match="made with precision float32, this is float64"):
+        sweep(study, tmp_path / "s.zarr", progress=False)
+
+
 def numbered(study, index, width):
     """Stands in for `solve`: the first parameter of every case as its time, at once."""
     assert len(index) <= width
@@ -211,7 +221,10 @@ def test_other_software_reads_a_store(study, finished):
         ("version", r"version_jaxglide 0\.1.*this is 9\.9"),
         ("old", "made by another version of jaxglide"),
         ("foreign", "exists and is not the store of a sweep"),
-        ("meta", "exists and is not the store of a sweep"),
+        ("{" * 5000, "exists and is not the store of a sweep"),
+        ("[" * 500_000, "exists and is not the store of a sweep"),
+        ("{}", "exists and is not the store of a sweep"),
+        ('{"attributes": [1]}', "exists and is not the store of a sweep"),
         ("precision", "made with precision float64, this is float32"),
         ("file", "exists and is not the store of a sweep"),
     ],
@@ -227,12 +240,12 @@ def test_another_store_is_refused(study, finished, monkeypatch, change, said):
         root.write_text(root.read_text().replace("sweep 2", "sweep 1"))
     elif change == "foreign":
         root.unlink()
-    elif change == "meta":
-        root.write_text("{" * 5000)
     elif change == "precision":
-        monkeypatch.setattr(stores, "precision", lambda: "float32")
+        monkeypatch.setattr(stores.jnp, "result_type", lambda _: np.dtype("float32"))
     elif change == "file":
         finished = finished / "zarr.json"
+    else:
+        root.write_text(change)
     before = files(finished)
     with pytest.raises(StoreError, match=said) as raised:
         sweep(other, finished, progress=False)
@@ -241,15 +254,30 @@ def test_another_store_is_refused(study, finished, monkeypatch, change, said):
     assert files(finished) == before
 
 
-def test_every_flipped_bit_is_noticed(study, finished):
-    for name, good in files(finished).items():
-        bad = bytearray(good)
-        bad[len(bad) // 2] ^= 4
-        (finished / name).write_bytes(bad)
-        with pytest.raises(StoreError, match=r"s\.zarr"):
-            sweep(study, finished, progress=False)
-        (finished / name).write_bytes(good)
-    sweep(study, finished, progress=False)
+def test_every_flipped_bit_is_noticed(study, tmp_path, monkeypatch):
+    """In the last chunk's filling too: it holds two glides and room for four."""
+    monkeypatch.setattr(stores, "_GLIDES", 4)
+    monkeypatch.setattr(module, "solve", numbered)
+    folder = tmp_path / "s.zarr"
+    sweep(study, folder, progress=False)
+    monkeypatch.setattr(module, "solve", None)
+    random = np.random.default_rng(0)
+    for name, good in files(folder).items():
+        for place in (random.integers(len(good)), len(good) - 1):
+            bad = bytearray(good)
+            bad[place] ^= 4
+            (folder / name).write_bytes(bad)
+            with pytest.raises(StoreError, match=r"s\.zarr"):
+                sweep(study, folder, progress=False)
+        (folder / name).write_bytes(good)
+    sweep(study, folder, progress=False)
+
+
+def test_a_pipe_is_not_waited_for(study, finished):
+    (finished / "zarr.json").unlink()
+    os.mkfifo(finished / "zarr.json")
+    with pytest.raises(StoreError, match="is not the store of a sweep"):
+        sweep(study, finished, progress=False)
 
 
 def test_a_store_that_lies_about_its_size_is_refused(study, finished):

@@ -116,7 +116,7 @@ def solve_on_cluster(
             raise ClusterError(f"the cluster went away; {kept}")
     except KilledWorker as error:
         raise ClusterError(
-            f"workers of the cluster died at one batch {error.allowed_failures + 1} times "
+            f"workers of the cluster died at a batch, {error.allowed_failures + 1} in all "
             f"(their logs say why; often too little memory); {kept}"
         ) from error
     except (CancelledError, ConnectionError, TimeoutError) as error:

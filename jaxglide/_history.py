@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from ._ascent import Best
+from ._units import in_file
 from ._units import labelled as with_unit
 from .parameters import PARAMETERS
 from .problem import Evaluation, Problem
@@ -73,7 +74,7 @@ def labelled(
         },
         coords={
             "parameter": list(problem.names),
-            "unit": (at, [PARAMETERS[n].unit or "1" for n in problem.names]),
+            "unit": (at, [in_file(PARAMETERS[n].unit) or "1" for n in problem.names]),
             "low": (at, problem.low),
             "high": (at, problem.high),
         },

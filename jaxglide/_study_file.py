@@ -91,3 +91,32 @@ def read_study_file(path: str | Path) -> dict[str, dict[str, Any]]:
         name: {entry: getattr(getattr(found, name), entry) for entry in table}
         for name, table in document.items()
     }
+
+
+class _Text(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A study as `Study.to_json` writes it."""
+
+    fixed: dict[str, float]
+    setup: dict[str, str | int]
+    rtol: float
+    atol: float
+    max_time: float
+    max_steps: int
+    grid: list[tuple[str, list[float]]] | None = None
+    cases: list[tuple[str, list[float]]] | None = None
+    times: list[float] | None = None
+
+
+def read_study_text(text: str) -> dict[str, Any]:
+    """Arguments of the study whose `to_json` is `text`.
+
+    Raises:
+        ValueError: it is no JSON, or not of that structure.
+    """
+    try:
+        record = msgspec.structs.asdict(msgspec.json.decode(text, type=_Text))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"this is not the text of a study: {error}") from None
+    for kind in ("grid", "cases"):
+        record[kind] = None if record[kind] is None else dict(record[kind])
+    return record

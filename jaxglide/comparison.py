@@ -66,6 +66,10 @@ def compare_paths(flown: xr.Dataset) -> xr.Dataset:
         paths at equal heights [m], and whether each ends behind its farthest forward point
         (it "did not shallow").
     """
+    known = np.isfinite(flown["position"].values).all(axis=2).any(axis=1)
+    if not known.all():
+        lost = flown["trial"].values[~known][0]
+        raise ValueError(f"position of trial {lost} is known in no frame")
     rows = []
     for trial in flown["trial"].values:
         one = flown.sel(trial=trial)

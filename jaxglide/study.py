@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ._checks import check_integer, check_range
-from ._study_file import Span, read_study_file
+from ._study_file import Span, read_study_file, read_study_text
 from .cases import as_array, as_number, check_parameters, check_setup
 from .parameters import MAX_STEPS, MAX_TIME, PARAMETERS, SOLVER, TOLERANCE
 
@@ -178,12 +178,12 @@ class Study:
 
     @classmethod
     def from_json(cls, text: str) -> "Study":
-        """The study that `to_json` wrote."""
-        record = json.loads(text)
-        for kind in ("grid", "cases"):
-            if kind in record:
-                record[kind] = dict(record[kind])
-        return cls(**record)
+        """The study that `to_json` wrote.
+
+        Raises:
+            ValueError: it did not write that.
+        """
+        return cls(**read_study_text(text))
 
     @property
     def fingerprint(self) -> str:

@@ -14,6 +14,7 @@ from jaxglide.cli import main
 from jaxglide.comparison import compare_paths, summary
 from jaxglide.flights import check_flights, measured_of
 from jaxglide.glide import Outcome
+from jaxglide.plot.saved import draw
 
 
 @pytest.fixture(scope="module")
@@ -311,3 +312,45 @@ def test_units_in_files_are_those_of_udunits():
         "m/s": "m/s",
     }.items():
         assert in_file(ours) == theirs
+
+
+def plottable():
+    """Two flights beside their simulations, as `fly_flights` labels them."""
+    down = np.stack([np.zeros(8), np.linspace(0, 6, 8), np.linspace(8, 2, 8)], axis=1)
+    two = xr.concat([made(down, 0.9 * down)] * 2, "trial").assign_coords(trial=["1", "2"])
+    return two.assign_coords(time_simulated=np.linspace(0, 1, 8), axis=["x", "y", "z"])
+
+
+UNDRAWN = {
+    "no snake": (lambda d: d.drop_vars("snake"), "have no variable 'snake'"),
+    "numbers as names": (lambda d: d.assign_coords(trial=[1, 2]), "'trial' holds int64 values"),
+    "by trial": (lambda d: d.assign(end=d["end"][0]), "'end' is over axis, where it must be"),
+    "infinite": (
+        put("path", np.inf, (0, 1, 1)),
+        "path = inf m at trial 1, time_simulated 0.14",
+    ),
+    "unit": (
+        lambda d: d.assign(end=d["end"].assign_attrs(units="s")),
+        "unit of 'end': 's' can",
+    ),
+    "never seen": (put("position", np.nan, 1), "position of trial 2 is known in no frame"),
+}
+
+
+@pytest.mark.parametrize("case", UNDRAWN)
+def test_compared_flights_that_cannot_be_drawn_say_why(case):
+    change, message = UNDRAWN[case]
+    with pytest.raises(ValueError, match=message):
+        draw(change(plottable()))
+
+
+def test_flights_in_other_units_and_orders_are_drawn_the_same():
+    ours = plottable()
+    feet = (ours["path"] / 0.3048).assign_attrs(units="ft").transpose("axis", ...)
+    turned = ours.assign(path=feet).isel(axis=[1, 2, 0])
+    lines = [
+        [line.get_xydata() for ax in draw(data).figure.axes for line in ax.lines]
+        for data in (ours, turned)
+    ]
+    for a, b in zip(*lines, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-12)

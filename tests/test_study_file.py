@@ -79,3 +79,34 @@ def test_the_file_sets_the_order_of_the_grid(tmp_path):
 def test_the_number_of_cases_is_bounded_in_python_too():
     with pytest.raises(ValueError, match=f"has 10004000 cases .* at most {MOST_CASES}"):
         Study({"nu_theta": [1.0] * 4000, "d_psi": [0.0] * 2501})
+
+
+def test_the_text_of_a_study_is_exact():
+    for study in (
+        Study(
+            {"d_psi": [0.1, 1 / 3], "nu_theta": [1.0]}, fixed={"height": 0.3}, times=[0.1, 0.2]
+        ),
+        Study(cases={"nu_theta": [1.1, 1.2]}, setup={"polar": "smooth"}, rtol=1e-7),
+    ):
+        again = Study.from_json(study.to_json())
+        assert again.to_json() == study.to_json()
+        assert list(again.varied) == list(study.varied)
+
+
+TEXT = Study({"nu_theta": [1.0]}).to_json()
+NO_TEXT = {
+    "no JSON": "{",
+    "deep": "[" * 100_000,
+    "a list": "[1]",
+    "grid": TEXT.replace('[["nu_theta", [1.0]]]', '{"nu_theta": 1}'),
+    "value": TEXT.replace("[1.0]", '["a"]'),
+    "missing": TEXT.replace('"rtol"', '"r"'),
+    "none": TEXT.replace('"grid"', '"cases"').replace("[[", "[").replace("]]", "]"),
+}
+
+
+@pytest.mark.parametrize("case", NO_TEXT)
+def test_what_is_no_text_of_a_study_is_said(case):
+    with pytest.raises(ValueError, match="this is not the text of a study: ") as caught:
+        Study.from_json(NO_TEXT[case])
+    assert "\n" not in str(caught.value)

@@ -8,8 +8,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from .._datasets import checked
 from ..glide import Glide
 from ._restore import glide_of
+from ._schemas import COMPARED, MEASURED
 from .atlas import stable_atlas
 from .bending import bending_grid
 from .body import bent_bodies, body_shape
@@ -166,13 +168,14 @@ def _held(data: xr.Dataset, wanted: Wanted) -> Drawing:
 
 def _measured(data: xr.Dataset, wanted: Wanted) -> Drawing:
     if wanted.nothing:
-        return Drawing(measured_gaits(data), "the gaits of all flights")
+        return Drawing(measured_gaits(checked(data, MEASURED)), "the gaits of all flights")
     return _variable(data, wanted)
 
 
 def _compared(data: xr.Dataset, wanted: Wanted) -> Drawing:
     if wanted.nothing:
-        return Drawing(measured_and_simulated(data), "measured and simulated paths")
+        figure = measured_and_simulated(checked(data, COMPARED))
+        return Drawing(figure, "measured and simulated paths")
     return _variable(data, wanted)
 
 

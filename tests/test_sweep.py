@@ -485,7 +485,7 @@ def test_studies_that_ask_the_same_are_equal():
 
 
 def test_a_study_is_of_plain_numbers_whatever_it_was_given():
-    values = np.array([0.7], np.float32)
+    values = np.array([0.7])
     study = Study(
         {"svl": values},
         fixed={"height": np.int64(2)},

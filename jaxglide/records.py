@@ -197,11 +197,6 @@ def glide_dataset(glide: Glide, frames: int = 201) -> xr.Dataset:
     Raises:
         ValueError: the glide kept no trajectory, or is a batch.
     """
-    if np.ndim(glide.time):
-        raise ValueError(
-            f"this is a batch of glides of shape {np.shape(glide.time)}: give one of them, "
-            "such as `jax.tree.map(lambda values: values[0], glides)`"
-        )
     times = glide.sample_times(frames)
     states = np.asarray(glide.at(times))
     now = reconstruct(glide, times)

@@ -19,7 +19,7 @@ import pytest
 import xarray as xr
 import zarr
 
-from jaxglide import Gait, Glider, Launch, Polar, Snake, batch, cli, simulate
+from jaxglide import Gait, Glide, Glider, Launch, Polar, Snake, batch, cli, simulate
 from jaxglide import cluster as on_cluster
 from jaxglide import store as stores
 from jaxglide import sweep as module
@@ -504,9 +504,11 @@ def test_a_study_is_of_plain_numbers_whatever_it_was_given():
 
 
 def test_a_batch_is_no_one_glide_to_label():
-    batch = SimpleNamespace(time=np.zeros((2, 3)))
-    with pytest.raises(ValueError, match=r"batch of glides of shape \(2, 3\): give one"):
-        glide_dataset(batch)
+    several = object.__new__(Glide)
+    for name in ("time", "interpolation"):
+        object.__setattr__(several, name, np.zeros((2, 3)))
+    with pytest.raises(ValueError, match=r"this holds glides of shape \(2, 3\): take one"):
+        glide_dataset(several)
 
 
 def test_limits_reach_the_solver(monkeypatch):

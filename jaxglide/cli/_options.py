@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 from .._files import write_figure, write_netcdf
 from ..parameters import (
     CHOICES,
+    HELD_SPEED,
     NODES_RANGE,
     OBJECTIVES,
     PARAMETERS,
@@ -200,8 +201,12 @@ def add_glider(parser: argparse.ArgumentParser, held: bool = False) -> None:
     for title, names in _GROUPS.items():
         group = parser.add_argument_group(title)
         for name in names:
-            if not (held and name == "heading"):
-                add_number(group, name, PARAMETERS[name])
+            p = PARAMETERS[name]
+            if held and name == "heading":
+                continue
+            if held and name == "speed":
+                p = p._replace(default=HELD_SPEED, meaning="launch speed")
+            add_number(group, name, p)
     add_setup(parser)
 
 

@@ -32,7 +32,7 @@ def add(commands) -> None:
     group.add_argument(
         "--parameter", choices=(*OBSERVED, "d_theta"), default="d_psi", help="(d_psi)"
     )
-    text = "of the range, in the parameter's unit (-20 and 20 for d_psi, else as observed)"
+    text = "of the range, in the parameter's unit (-20 and 20 deg of bend, else as observed)"
     group.add_argument("--low", type=a_number, metavar="X", help=f"lower end {text}")
     group.add_argument("--high", type=a_number, metavar="X", help="upper end")
     add_output(trim, save=False)

@@ -1,6 +1,7 @@
 """NetCDF files read within bounds: their table of contents first, values after (floor 0)."""
 
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -46,10 +47,10 @@ def _problem(file: h5py.File, size: int) -> str | None:
         link = file.get(name, getlink=True)
         if not isinstance(link, h5py.HardLink):
             return f"{name!r} is a link to elsewhere, not a variable"
-        entry = file.get(name, getclass=True)
+        entry: Any = file.get(name, getclass=True)
         if entry is not h5py.Dataset:
             return f"{name!r} is a {entry.__name__.lower()}, where only variables may be"
-        variable = file[name]
+        variable: Any = file[name]
         if variable.is_virtual or variable.external:
             return f"the values of {name!r} are in another file"
         if not (variable.dtype.kind in "iufbSU" or h5py.check_string_dtype(variable.dtype)):

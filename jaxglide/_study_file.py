@@ -1,7 +1,7 @@
 """The structure of a study file, declared once (floor 5)."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
 import numpy as np
@@ -33,9 +33,9 @@ def _table(name: str, kind: Any, names) -> Any:
 
 
 Values = Annotated[list[float], Meta(min_length=1)]
-Grid = _table("Grid", Values | Span, PARAMETERS)
-Cases = _table("Cases", Values, PARAMETERS)
-Fixed = _table("Fixed", float, PARAMETERS)
+Grid: TypeAlias = _table("Grid", Values | Span, PARAMETERS)  # type: ignore[valid-type]
+Cases: TypeAlias = _table("Cases", Values, PARAMETERS)  # type: ignore[valid-type]
+Fixed: TypeAlias = _table("Fixed", float, PARAMETERS)  # type: ignore[valid-type]
 
 
 class Setup(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -66,13 +66,11 @@ def compare_paths(flown: xr.Dataset) -> xr.Dataset:
         paths at equal heights [m], and whether each ends behind its farthest forward point
         (it "did not shallow").
     """
-    known = np.isfinite(flown["position"].values).all(axis=2).any(axis=1)
-    if not known.all():
-        lost = flown["trial"].values[~known][0]
-        raise ValueError(f"position of trial {lost} is known in no frame")
     rows = []
     for trial in flown["trial"].values:
         one = flown.sel(trial=trial)
+        if not len(_finite(one["position"].values)):
+            raise ValueError(f"position of trial {trial} is known in no frame")
         rows.append((*[np.nan] * 4, False, False) if _broke_down(one) else _compared(one))
     names = {
         "end_height": ("m", "height down to which the paths are compared"),
@@ -104,16 +102,19 @@ def summary(compared: xr.Dataset) -> str:
     )
     error = compared["path_error"].values
     turned = compared["trial"].values[compared["turned_simulated"].values]
-    several = len(measured) > 1
-    spread = [x.std(ddof=1) if several else 0.0 for x in (measured, simulated)]
-    correlation = np.corrcoef(measured, simulated)[0, 1] if several else np.nan
+    spread = ["", ""]
+    if len(measured) > 1:
+        spread = [f" +- {x.std(ddof=1):.2f}" for x in (measured, simulated)]
+    together = ""
+    if min(measured.std(), simulated.std()) > 0:
+        together = f", correlation {np.corrcoef(measured, simulated)[0, 1]:.2f}"
     return "\n".join(
         [
             *(said if lost.any() else []),
             f"{len(measured)} flights; horizontal distance to a common end height:",
-            f"  measured   {measured.mean():.2f} +- {spread[0]:.2f} m",
-            f"  simulated  {simulated.mean():.2f} +- {spread[1]:.2f} m, "
-            f"{simulated.mean() / measured.mean():.2f} of it, correlation {correlation:.2f}, "
+            f"  measured   {measured.mean():.2f}{spread[0]} m",
+            f"  simulated  {simulated.mean():.2f}{spread[1]} m, "
+            f"{simulated.mean() / measured.mean():.2f} of it{together}, "
             f"farther in {int((simulated > measured).sum())}",
             f"  paths apart at equal heights {error.mean():.2f} m (median "
             f"{np.median(error):.2f} m)",

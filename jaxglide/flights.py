@@ -94,7 +94,7 @@ def check_flights(data: xr.Dataset) -> xr.Dataset:
         if count > 1:
             raise ValueError(f"trial {trial} is there {count} times")
     height = data["start_position"].values[:, 2]
-    seen = np.isfinite(data["position"].values).all(axis=2)
+    seen = np.isfinite(np.sum(data["position"].values, axis=2))
     for trial, up, known, times in zip(trials, height, seen, data["time"].values, strict=True):
         if up <= 0:
             raise ValueError(

@@ -272,7 +272,7 @@ def test_a_simulation_that_broke_down_counts_nowhere():
     assert np.isnan(compared.distance_simulated.values[1:]).all()
     text = summary(compared)
     assert "2 of 3 simulations broke down: they are left out" in text
-    assert "simulated  6.00 +- 0.00 m, 1.00 of it" in text
+    assert "simulated  6.00 m, 1.00 of it, farther in 0" in text
     assert summary(compared.isel(trial=[1, 2])) == (
         "2 of 2 simulations broke down: they are left out"
     )

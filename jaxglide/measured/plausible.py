@@ -79,8 +79,8 @@ def _chords(recording: "Recording") -> str | None:
     marker = pair + int(np.argmax(off))
     return (
         f"{_marker(recording, marker)} in frame {frame + 1}: markers {pair + 1} and {pair + 2} "
-        f"are {_length(recording, apart[frame, pair])} apart, where the tape allows "
-        f"{_length(recording, bound[pair])}"
+        f"are {_length(recording, float(apart[frame, pair]))} apart, where the tape allows "
+        f"{_length(recording, float(bound[pair]))}"
     )
 
 

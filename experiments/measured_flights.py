@@ -25,6 +25,11 @@ MODELS: dict[str, Any] = {
 }
 
 
+def spread(distances: np.ndarray) -> float:
+    """Standard deviation of a sample."""
+    return float(np.std(distances, ddof=1))
+
+
 def main() -> None:
     options = arguments(__doc__)
     begin = time.perf_counter()
@@ -44,7 +49,7 @@ def main() -> None:
         rows.append(
             [
                 name,
-                *(float(f(x)) for x in (measured, simulated) for f in (np.mean, np.std)),
+                *(float(f(x)) for x in (measured, simulated) for f in (np.mean, spread)),
                 *(float(simulated.mean() / measured.mean()), correlation),
                 *(int((simulated > measured).sum()), int(turned.sum())),
                 *(float(error.mean()), float(np.median(error)), took),

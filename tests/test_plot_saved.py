@@ -1,11 +1,8 @@
 """`jaxglide plot`: the right figure for every kind of file, and words for every mistake."""
 
-import importlib.util
 import json
-import shlex
 import shutil
 import warnings
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -469,37 +466,3 @@ def test_files_that_are_no_results_are_named(saved, capsys, tmp_path):
         assert message in complaint
         assert str(path) in complaint
     assert not (tmp_path / "x.png").exists()
-
-
-# The gallery
-
-
-@pytest.fixture
-def gallery(monkeypatch):
-    folder = Path(__file__).parents[1] / "experiments"
-    monkeypatch.syspath_prepend(str(folder))
-    spec = importlib.util.spec_from_file_location("gallery", folder / "gallery.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_the_gallerys_commands_are_real_and_make_what_later_ones_draw(gallery):
-    made = set()
-    for command in (*gallery.DATA, *gallery.PICTURES.values()):
-        words = shlex.split(command)
-        assert words[0] == "jaxglide"
-        args = cli._parser().parse_args(words[1:])
-        made.add(str(args.save))
-        if args.command == "plot":
-            assert str(args.file) in made
-
-
-def test_pictures_of_the_gallery_are_small(gallery, tmp_path):
-    noise = np.random.default_rng(0).integers(0, 255, (200, 1800, 3), dtype=np.uint8)
-    image = gallery.Image.fromarray(noise)
-    image.save(tmp_path / "large.png")
-    gallery.shrink(tmp_path / "large.png", tmp_path / "small.png")
-    with gallery.Image.open(tmp_path / "small.png") as small:
-        assert small.size == (gallery.WIDTH, 100)
-        assert len(small.getcolors()) <= gallery.COLOURS

@@ -1,0 +1,306 @@
+"""The page of experiments: every command is run, and its tables are those of the page.
+
+The quick tests see that nothing is left out. The others run the commands at full size; those
+that take the better part of an hour also want JAXGLIDE_LONG set.
+"""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from claims import ROOT, agree, claimed, commands, section, sentence, table
+
+PAGE = (ROOT / "experiments" / "README.md").read_text()
+FLIGHTS = os.environ.get("JAXGLIDE_FLIGHTS")
+SEARCHES = 0.02  # by how much searches may differ between machines, as the page says
+
+slow = pytest.mark.slow
+with_flights = pytest.mark.skipif(
+    not FLIGHTS, reason="JAXGLIDE_FLIGHTS names the public recordings"
+)
+for_hours = pytest.mark.skipif(
+    not os.environ.get("JAXGLIDE_LONG"), reason="JAXGLIDE_LONG asks for what takes an hour"
+)
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Function of a command, which it runs: its tables, by name, as lists of records."""
+
+    def follow(text):
+        words = [sys.executable, "-m", "jaxglide.cli", *shlex.split(text)[1:]]
+        done = subprocess.run(
+            [*words, "--out", str(tmp_path / "out")], capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        found = {
+            path.stem: json.loads(path.read_text()) for path in tmp_path.glob("out/*.json")
+        }
+        assert list(tmp_path.glob("out/*.png"))
+        return {**found, "printed": done.stdout}
+
+    return follow
+
+
+def rows_where(records, **wanted):
+    """Values of the records that have these entries; names have no spaces or units here."""
+
+    def matches(record):
+        short = {re.sub(r"\W+.*", "", name): value for name, value in record.items()}
+        return all(short[name] == value for name, value in wanted.items())
+
+    return [list(record.values()) for record in records if matches(record)]
+
+
+# What can be seen without running anything
+
+
+def test_every_command_is_run_by_a_test():
+    named = set(commands(PAGE))
+    code = (ROOT / "tests" / "test_experiments.py").read_text()
+    run_here = set(re.findall(r'run\("(jaxglide [^"]+)"\)', code))
+    elsewhere = {
+        "jaxglide figure gallery",  # tests/test_readme.py
+        "jaxglide trim",  # there, too
+        "jaxglide shapes --check",  # tests/test_published.py: its function at full size
+    }
+    assert named == run_here | elsewhere
+
+
+def test_every_script_and_picture_is_there():
+    scripts = {path.name for path in (ROOT / "experiments").glob("*.py")} - {"common.py"}
+    shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
+    assert scripts - {"__init__.py"} == shown
+    for path in re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE):
+        assert (ROOT / "experiments" / path).exists(), path
+
+
+def test_claims_are_read_as_they_are_written():
+    assert claimed("nothing") == []
+    ranges = [(-0.1565, -0.1555), (5.0345, 5.0495), (21174.5, 21175.5), (0.645, 0.655)]
+    text = "−0.156 / 5.035–5.049, 21,175 and 0.65"  # noqa: RUF001
+    np.testing.assert_allclose(claimed(text), ranges, atol=1e-6)
+    agree("17.26°", 17.2649)
+    agree("7.78 m", 7.9, share=0.02)
+    for wrong in (17.266, 17.254, float("nan")):
+        with pytest.raises(AssertionError, match=r"the page says '17.26"):
+            agree("17.26°", wrong)
+    with pytest.raises(AssertionError, match="other numbers"):
+        agree("1 / 2", 1.0)
+
+
+def test_pictures_of_the_gallery_have_few_colours_only_where_it_does_not_show(
+    tmp_path, monkeypatch
+):
+    monkeypatch.syspath_prepend(str(ROOT / "experiments"))
+    import gallery
+
+    noise = np.random.default_rng(0).integers(0, 255, (200, 1800, 3), dtype=np.uint8)
+    lines = np.full((100, 900, 3), 255, np.uint8)
+    lines[::7], lines[:, ::11] = (0, 114, 178), (213, 94, 0)
+    for name, pixels, mode in (("noise", noise, "RGB"), ("lines", lines, "P")):
+        gallery.Image.fromarray(pixels).save(tmp_path / "large.png")
+        gallery.shrink(tmp_path / "large.png", tmp_path / f"{name}.png")
+        with gallery.Image.open(tmp_path / f"{name}.png") as small:
+            assert small.size == (gallery.WIDTH, 100)
+            assert small.mode == mode
+    with gallery.Image.open(tmp_path / "lines.png") as small:
+        seen = np.asarray(small.convert("RGB"), int)
+    assert np.abs(seen - lines).max() <= gallery.UNSEEN
+
+
+# At full size
+
+
+@slow
+def test_figure_4(run):
+    records = run("jaxglide figure 4")["table_s1"]
+    for name, cells in ((row[0], row[2:]) for row in table(PAGE, "from 10 m")):
+        quantity, f = re.match(r"(.*), ([\d.]+) Hz", name).groups()
+        kind = "stable" if quantity == "stable" else "path"
+        found = [
+            record
+            for record in records
+            if record["quantity"].endswith(f"f {float(f):g} Hz") and kind in record["quantity"]
+        ]
+        assert len(found) == 4
+        agree(cells[0], *(record["jaxglide"] for record in found))
+        agree(cells[1], *(record["published"] for record in found))
+    for name, _, ours, published in table(PAGE, "from 75 m, 1.2 Hz minus 0 Hz"):
+        found = [record for record in records if record["quantity"] == f"75 m: {name}"]
+        agree(ours, *(record["jaxglide"] for record in found))
+        agree(published, *(record["published"] for record in found))
+
+
+@slow
+def test_figure_5(run):
+    found = run("jaxglide figure 5")
+    for bend, landed, tumbled, mean, published in table(PAGE, "d_ψ"):
+        d_psi = float(bend.strip("°").replace("−", "-"))  # noqa: RUF001
+        (row,) = rows_where(found["figure_5"], psi_m=20.0, d_psi=d_psi)
+        agree(landed, row[2])
+        agree(tumbled, *row[3:6])
+        agree(mean, row[7])
+        agree(published, row[8])
+    records = {str(record["nu_theta"]): record for record in found["figure_5_moments"]}
+    for nu, *cells in table(PAGE, "ν_θ"):  # noqa: RUF001
+        record = records["mean" if nu.startswith("mean") else str(float(nu))]
+        agree(" ".join(cells), *list(record.values())[1:])
+
+
+@slow
+def test_figure_6(run):
+    records = run("jaxglide figure 6")["figure_6c"]
+    above = {"pitch": 0, "roll": 0, "yaw": 0}
+    for record in records:
+        above[record["about"]] += record["above 1 at landing, of 11"]
+    said = sentence(PAGE, r"pitch moment still exceeds the air's in (\d+) of the (\d+) cases")
+    agree(said, above["pitch"], 55)
+    agree(sentence(PAGE, r"the inertial roll moment in (\d+)"), above["roll"])
+    assert min(record["least"] for record in records if record["about"] == "yaw") > 1.33
+
+
+@slow
+def test_figures_s7_and_s8(run):
+    found = run("jaxglide figure s7")["figure_s7"]
+    assert {record["polar"] for record in found} == {"published", "smooth"}
+    for record in run("jaxglide figure s8")["figure_s8"]:
+        assert record["mass (g)"] == pytest.approx(38.04677, abs=1e-4)
+
+
+@slow
+def test_glide_polar(run):
+    found = run("jaxglide figure glide-polar")
+    level, down = (
+        rows_where(found["glide_polar_pitch"], held=pitch)[0][1:3] for pitch in (0.0, -20.0)
+    )
+    said = r"steady glide is (\d+)° below the horizontal when level and (\d+)° at 20° nose"
+    agree(sentence(PAGE, said), level[0], down[0])
+    agree(sentence(PAGE, r"settle at ([\d.]+)° below the horizontal and ([\d.]+) m/s"), *level)
+    ten = rows_where(found["glide_polar_falls"], height=10.0)[0]
+    agree(sentence(PAGE, r"after 10 m it is still at (\d+)°"), ten[-1])
+    best = [record["best lift to drag"] for record in found["glide_polar_shapes"]]
+    (limit,) = claimed(sentence(PAGE, r"undulating body is at most ([\d.]+), at"))
+    assert max(best) <= limit[1]
+    published = rows_where(found["glide_polar_shapes"], nu_theta=1.4)[0]
+    agree(sentence(PAGE, r"is at most [\d.]+, at (\d+)° angle of attack"), published[-1])
+
+
+@slow
+def test_force_coefficients(run):
+    records = run("jaxglide figure force-coefficients")["force_coefficients"]
+    changed = {
+        record["d_psi (deg)"]: record for record in records if record["C_D times"] == 0.6
+    }
+    usual = [r for r in records if r["C_L times"] == 1.0 and r["d_psi (deg)"] == 10.0]
+    means = changed[10.0]["mean forward (m)"], usual[0]["mean forward (m)"]
+    said = r"best bend stays at 10° \(([\d.]+) m mean forward distance against ([\d.]+) m"
+    agree(sentence(PAGE, said), *means)
+    counts = [changed[bend]["landed of 11"] for bend in (10.0, 0.0, -10.0)]
+    agree(sentence(PAGE, r"hardly changes \((\d+, \d+ and \d+) of 11"), *counts)
+    assert max(changed.values(), key=lambda r: r["mean forward (m)"])["d_psi (deg)"] == 10.0
+
+
+@slow
+def test_sensitivity(run):
+    found = run("jaxglide figure sensitivity")
+    (row,) = rows_where(found["sensitivity"], region="all", parameter="d_psi")
+    agree(sentence(PAGE, r"less bend \(in (\d+) % of those that land"), 100 - row[-1])
+    agree(sentence(PAGE, r"is negative, (.[\d.]+) m per degree in the median"), row[4])
+    (row,) = rows_where(found["sensitivity"], region="open", parameter="d_psi")
+    assert row[-1] == 0  # "all of the open ones"
+    error = float(re.search(r"central differences differ by (\S+)", found["printed"])[1])
+    assert sentence(PAGE, r"agree with the gradients to (2\.5e-4)")
+    assert error < 2.6e-4
+
+
+@slow
+def test_trim_and_distance(run):
+    records = run("jaxglide figure trim-and-distance")["trim_and_distance"]
+    said = r"the farthest bend lies (\d+) to (\d+) degrees below the bend of zero mean pitch"
+    low, high = claimed(sentence(PAGE, said))
+    lost = claimed(sentence(PAGE, r"at the trim bend the glides lose (\d+) to (\d+) %"))
+    for record in records:
+        nu, below = record["nu_theta"], -record["farthest minus trim (deg)"]
+        if round(nu, 2) in (1.15, 1.2):
+            assert record["farthest d_psi (deg)"] == pytest.approx(-10, abs=1)
+        else:
+            assert low[0] <= below <= high[1]
+        loss = record["loss at trim (%)"]
+        if nu > 1.24 and loss is not None:
+            assert lost[0][0] <= -loss <= lost[1][1] or loss < -100  # curves back
+
+
+@slow
+@with_flights
+def test_measured_flights(run):
+    found = run("jaxglide figure measured-flights")
+    records = {record["model"]: record for record in found["measured_flights"]}
+    for model, distance, of, correlation, farther, back, apart in table(PAGE, "model"):
+        record = list(records[model].values())
+        agree(distance, *record[3:5])
+        for text, value in zip((of, correlation, farther, back), record[5:9], strict=True):
+            agree(text, value)
+        agree(apart, *record[9:11])
+    agree(sentence(PAGE, r"The (\d+) flights of the public"), len(found["every_flight"]))
+
+
+@slow
+def test_atlas(run):
+    (record,) = run("jaxglide figure atlas --size 20000")["atlas_21175"]
+    text = sentence(PAGE, r"(\S+) gaits half land \(([\d.]+) %\)")
+    agree(text, record["glides"], record["landed (%)"])
+
+
+@slow
+@for_hours
+def test_optimal_gaits(run):
+    records = run("jaxglide figure optimal-gaits")["optimal_gaits"]
+    parts = section(PAGE, "Optimal gaits").split("**From 75 m**")
+    for height, part in zip(("10", "75"), parts, strict=True):
+        rows = table(part, "variables, ranges")
+        assert len(rows) == 4
+        for name, *cells in rows:
+            variables, ranges = name.split(", ")
+            wanted = height, {"three": 3, "five": 5}[variables], ranges
+            (record,) = (r for r in records if (*list(r.values())[:3],) == wanted)
+            agree(cells[5], record["distance (m)"], share=SEARCHES)
+
+
+@slow
+@for_hours
+def test_robustness(run):
+    records = run("jaxglide figure robustness")["robustness"]
+    for row, record in zip(table(PAGE, "gait, from 10 m"), records, strict=True):
+        values = list(record.values())
+        for text, column in zip(row[1:], (4, 11, 13, 14), strict=True):
+            agree(text, values[column], share=SEARCHES)
+
+
+@slow
+@for_hours
+def test_search_cost(run):
+    records = run("jaxglide figure search-cost")["search_cost"]
+    for row, record in zip(table(PAGE, "search"), records, strict=True):
+        values = list(record.values())
+        agree(row[1], values[2], share=SEARCHES)
+        agree(row[2], values[3], values[4], share=SEARCHES)
+
+
+@slow
+@for_hours
+@with_flights
+def test_fit_forces(run):
+    found = run("jaxglide figure fit-forces")
+    rows = {row[0]: row[1:] for row in table(PAGE, "animal left out")}
+    for record in found["fit_animals"]:
+        values = list(record.values())
+        flights, lift, drag, *apart = rows[str(values[0])]
+        agree(flights, values[1])
+        for text, value in zip((lift, drag, *apart), values[2:], strict=True):
+            agree(text, value, share=SEARCHES)

@@ -86,6 +86,8 @@ def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence]) -> 
     if header[-2:] == ("jaxglide", "published"):
         header = (*header, "difference")
         rows = [(*row, row[-2] - row[-1]) for row in rows]
+    if len(set(header)) < len(header):
+        raise ValueError(f"two columns have one name, and one would be lost: {header}")
     lines = [list(header), ["---"] * len(header)]
     lines += [[_text(value) for value in row] for row in rows]
     text = "\n".join("| " + " | ".join(line) + " |" for line in lines)

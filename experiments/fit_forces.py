@@ -140,7 +140,7 @@ def conclusions(options, scales) -> None:
         k = int(np.argmax(y))
         rows.append([*cells, float(BENDS[k]), float(y[k]), int(landed.sum())])
     header = ("forces", "frozen: stable of 121", "mean path (m)", "undulating: stable")
-    header += ("mean path (m)", "farthest (m)", "best bend (deg)", "distance there (m)")
+    header += ("mean path then (m)", "farthest (m)", "best bend (deg)", "distance there (m)")
     write_table(options.out / "fit_conclusions", (*header, f"landed of {BENDS.size}"), rows)
 
 

@@ -57,7 +57,7 @@ def main() -> None:
         )
         if name.startswith("published polar, nodes"):
             report(options, data, flown, compared)
-    header = ("model", "measured (m)", "sd", "simulated (m)", "sd", "ratio", "correlation")
+    header = ("model", "measured (m)", "its sd", "simulated (m)", "sd", "ratio", "correlation")
     header += ("farther", "did not shallow", "paths apart (m)", "median (m)", "seconds")
     write_table(options.out / "measured_flights", header, rows)
 

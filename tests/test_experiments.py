@@ -103,7 +103,10 @@ def test_pictures_of_the_gallery_have_few_colours_only_where_it_does_not_show(
     noise = np.random.default_rng(0).integers(0, 255, (200, 1800, 3), dtype=np.uint8)
     lines = np.full((100, 900, 3), 255, np.uint8)
     lines[::7], lines[:, ::11] = (0, 114, 178), (213, 94, 0)
-    for name, pixels, mode in (("noise", noise, "RGB"), ("lines", lines, "P")):
+    up, across = np.meshgrid(np.linspace(0, 255, 100), np.linspace(0, 255, 900), indexing="ij")
+    sky = np.stack([up, across, 255 - up], axis=2).astype(np.uint8)
+    drawn = (("noise", noise, "RGB"), ("lines", lines, "P"), ("sky", sky, "RGB"))
+    for name, pixels, mode in drawn:
         gallery.Image.fromarray(pixels).save(tmp_path / "large.png")
         gallery.shrink(tmp_path / "large.png", tmp_path / f"{name}.png")
         with gallery.Image.open(tmp_path / f"{name}.png") as small:

@@ -18,6 +18,7 @@ from claims import ROOT, agree, claimed, commands, section, sentence, table
 PAGE = (ROOT / "experiments" / "README.md").read_text()
 FLIGHTS = os.environ.get("JAXGLIDE_FLIGHTS")
 SEARCHES = 0.02  # by how much searches may differ between machines, as the page says
+TUMBLES = 0.01  # and by how much what it gives as a range
 
 slow = pytest.mark.slow
 with_flights = pytest.mark.skipif(
@@ -55,6 +56,11 @@ def rows_where(records, **wanted):
         return all(short[name] == value for name, value in wanted.items())
 
     return [list(record.values()) for record in records if matches(record)]
+
+
+def share_of(text):
+    """What is allowed on top of the digits of a text."""
+    return TUMBLES if "–" in text else 0.0  # noqa: RUF001
 
 
 # What can be seen without running anything
@@ -136,7 +142,7 @@ def test_figure_4(run):
         agree(cells[1], *(record["published"] for record in found))
     for name, _, ours, published in table(PAGE, "from 75 m, 1.2 Hz minus 0 Hz"):
         found = [record for record in records if record["quantity"] == f"75 m: {name}"]
-        agree(ours, *(record["jaxglide"] for record in found))
+        agree(ours, *(record["jaxglide"] for record in found), share=share_of(ours))
         agree(published, *(record["published"] for record in found))
 
 
@@ -148,7 +154,7 @@ def test_figure_5(run):
         (row,) = rows_where(found["figure_5"], psi_m=20.0, d_psi=d_psi)
         agree(landed, row[2])
         agree(tumbled, *row[3:6])
-        agree(mean, row[7])
+        agree(mean, row[7], share=share_of(mean))
         agree(published, row[8])
     records = {str(record["nu_theta"]): record for record in found["figure_5_moments"]}
     for nu, *cells in table(PAGE, "ν_θ"):  # noqa: RUF001

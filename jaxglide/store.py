@@ -254,9 +254,9 @@ class Store:
     def _file(self, name: str, chunk: int) -> str:
         return f"{name}/c/{chunk}" + "/0" * len(self.layout[name].shape)
 
-    def _digest(self, chunk: int, files: Mapping[str, bytes]) -> bytes:
-        """Of a chunk's files by name, of its place and of what the store is."""
-        total = hashlib.sha256(self._identity + chunk.to_bytes(8, "little"))
+    def _digest(self, files: Mapping[str, bytes]) -> bytes:
+        """Of what the store is and of a chunk's files; their names tell its place."""
+        total = hashlib.sha256(self._identity)
         for name, content in files.items():
             total.update(f"{name} {len(content)} ".encode() + content)
         return total.digest()
@@ -299,7 +299,7 @@ class Store:
             whole = np.frombuffer(content, array.dtype).reshape(shape)
             values[name] = whole[: rows.stop - rows.start]
         told = _read(self.path / f"digest/c/{chunk}/0", 32)
-        return values if told == self._digest(chunk, files) else None
+        return values if told == self._digest(files) else None
 
     def write(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
         """Write one chunk, then mark it finished.
@@ -318,7 +318,7 @@ class Store:
             files[self._file(name, chunk)] = whole.tobytes()
         try:
             _write(self.path, files)
-            _write(self.path, {f"digest/c/{chunk}/0": self._digest(chunk, files)})
+            _write(self.path, {f"digest/c/{chunk}/0": self._digest(files)})
         except WriteError as error:
             raise WriteError(
                 f"{error}; finished chunks of {self.path} are kept: run the same study again"

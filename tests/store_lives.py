@@ -31,7 +31,7 @@ jax.config.update("jax_enable_x64", True)
 STUDY = Study({"nu_theta": np.linspace(1, 1.5, 40)}, fixed={"height": 0.3}, times=[0.1, 0.2])
 TOML = "[grid]\nnu_theta = {start = 1, stop = 1.5, count = 40}\n[fixed]\nheight = 0.3\n"
 TOML += "[solver]\ntimes = [0.1, 0.2]\n"
-CHANGES = {"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.listdir", "os.scandir"}
+CHANGES = {"os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.truncate", "os.chmod"}
 WIDTH = 12  # not a chunk's
 
 
@@ -67,7 +67,7 @@ def ended(pid):
 
 
 def count_operations(folder, kill_at=None, told=None):
-    """Count this process's operations on files in `folder`; be killed at one of them."""
+    """Count this process's changes of files in `folder`; be killed at one of them."""
     done = 0
 
     def one():
@@ -79,7 +79,8 @@ def count_operations(folder, kill_at=None, told=None):
             os.pwrite(told, str(done).encode(), 0)
 
     def hook(event, arguments):
-        if event in CHANGES and str(arguments[0]).startswith(str(folder)):
+        writes = event == "open" and arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
+        if (writes or event in CHANGES) and str(arguments[0]).startswith(str(folder)):
             one()
 
     def synced(handle, fsync=os.fsync):

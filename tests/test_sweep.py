@@ -389,6 +389,8 @@ def test_who_waits_says_so(study, tmp_path, monkeypatch, capsys):
                 break
             time.sleep(0.05)
         assert said == f"waiting for another process at work on {path}\n"
+        running.join(0.5)
+        assert running.is_alive()
         assert not kept.finished().any()
     running.join(60)
     assert kept.finished().all()

@@ -216,9 +216,8 @@ class Store:
                 )
         for name, wanted in self._born().items():
             if _read(self.path / name, len(wanted)) != wanted:
-                raise StoreError(
-                    f"{self.path} is damaged: its {name} is not what this study makes: {away}"
-                )
+                said = f"its {name} is not what this study makes"
+                raise StoreError(f"{self.path} is damaged: {said}: {away}")
 
     def create(self) -> None:
         """Make the store, whole and synced, where nothing is.
@@ -228,17 +227,19 @@ class Store:
         """
         target = Path(os.path.realpath(self.path))
         beside = target.with_name(f".{target.name}-{secrets.token_hex(8)}")
-        with writing(self.path):
-            try:
+        try:
+            with writing(self.path):
                 _write(beside, self._born())
                 sync(beside)
                 with contextlib.suppress(FileNotFoundError):
                     target.rmdir()  # an empty one: some systems do not rename over it
                 beside.rename(target)
                 sync(target.parent)
-            except BaseException:
-                shutil.rmtree(beside, ignore_errors=True)
-                raise
+        except WriteError as error:  # of a file that nobody asked for
+            said = str(error).replace(str(beside), str(self.path))
+            raise WriteError(said) from error
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
 
     def tidy(self) -> None:
         """Remove what killed processes left unfinished; only for who holds the lock."""

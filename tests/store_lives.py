@@ -160,7 +160,7 @@ def command(folder, limit):
         arguments = [folder / "study.toml", "--store", folder / "s.zarr", "--width", WIDTH]
         code = cli.main(["sweep", *map(str, arguments)])
     said = complaint.getvalue().splitlines()
-    if limit is None or (len(said) == 1 and "cannot write" in said[0]):
+    if limit is None or (len(said) == 1 and f"cannot write {folder / 's.zarr'}" in said[0]):
         return code
     return 50
 

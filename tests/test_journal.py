@@ -7,6 +7,7 @@ import resource
 import subprocess
 import sys
 
+import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
@@ -17,7 +18,7 @@ from jaxglide._files import BusyError, WriteError, alone
 from jaxglide._journal import Journal, keeping
 from jaxglide.objectives import landing_distance
 from jaxglide.optimise import optimise
-from jaxglide.problem import Evaluation, Evaluator, Problem
+from jaxglide.problem import Evaluation, Evaluator, Problem, fingerprint
 
 ASKED = {"seed": 0, "rate": 0.1}
 STARTS = np.arange(2)
@@ -315,6 +316,13 @@ def test_what_is_computed_is_told_apart_by_its_code():
         )
         return Evaluator(Problem(objective, {"theta_m": (80, 120)}, **options)).fingerprint()
 
+    def table_of(table):
+        return fingerprint(lambda x: jnp.asarray(table) @ x, jnp.ones(2))
+
+    tables = np.eye(2), jnp.eye(2), np.array([[1.0, 0.0], [0.0, 1 + 1e-9]])
+    assert len({table_of(table) for table in (tables[0], np.eye(2))}) == 1
+    assert table_of(tables[0]) != table_of(tables[2])
+    assert table_of(tables[1]) != table_of(jnp.asarray(tables[2]))
     one = print_of(1.0)
     assert one == print_of(1.0)
     assert one != print_of(1.0000001)

@@ -33,7 +33,9 @@ def load_netcdf(path: str | Path) -> xr.Dataset:
             with xr.open_dataset(
                 path, engine="h5netcdf", decode_times=False, decode_timedelta=False
             ) as data:
-                return data.load()
+                data.load()
+                data.encoding["source"] = str(path)  # as the user calls it, for messages
+                return data
     except Exception as error:  # HDF5 and its readers have an error for every kind of damage
         first = (str(error).splitlines() or [type(error).__name__])[0]
         said = f"it is damaged, or no NetCDF 4 file ({first[:200]})"

@@ -61,12 +61,8 @@ def _flown(scales, change, flight: Measured, times, *, adjoint, plan) -> Array:
     moved["height"] = flight.height + _DEPTH
     flight = replace(flight, **moved)
     glider, launch = build_flight(flight, Polar.smooth(*scales), None)
-    options: dict[str, Any] = {
-        "rtol": _TOLERANCE,
-        "atol": _TOLERANCE,
-        "adjoint": adjoint,
-        "max_steps": 4096,
-    }
+    options: dict[str, Any] = {"rtol": _TOLERANCE, "atol": _TOLERANCE, "adjoint": adjoint}
+    options["max_steps"] = 4096
     glide = simulate(glider, launch, times=times, max_time=plan.longest, **options)
     after = jnp.maximum(times - glide.time, 0.0)[:, None]
     fall = jnp.array([0.0, 0.0, -0.5]) * glider.environment.gravity
@@ -398,7 +394,6 @@ def fitted_dataset(fitter: Fitter, fit: Fit) -> xr.Dataset:
             for name, (dims, values, unit, long_name) in variables.items()
         },
         coords={"multiplier": list(SCALES), "other": list(SCALES), "trial": fitter.trials}
-        | {"angle": list(fitter.corrected)}
-        | {"snake": ("trial", fitter.animals)},
+        | {"angle": list(fitter.corrected), "snake": ("trial", fitter.animals)},
     )
     return stamp(data, {"misfit": fit.misfit, "misfit_before": fit.misfit_before})

@@ -304,6 +304,16 @@ def test_compare_refuses_a_file_in_one_sentence(saved, capsys):
     assert main(["compare", "nowhere.nc"]) == 2
 
 
+def test_a_wrong_file_is_named_once_by_plot(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wrong = plottable().drop_vars("snake").assign_attrs(version_jaxglide="1")
+    wrong.to_netcdf("flown.nc", engine="h5netcdf")
+    assert main(["plot", "flown.nc"]) == 2
+    assert capsys.readouterr().err == (
+        "jaxglide: flown.nc: the compared flights have no variable 'snake'\n"
+    )
+
+
 def test_units_in_files_are_those_of_udunits():
     for ours, theirs in {
         "deg": "degree",

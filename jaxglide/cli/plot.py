@@ -55,7 +55,8 @@ def _run(args) -> int:
     try:
         drawing = draw(data, args.variable, x=args.x, y=args.y, at=at)
     except ValueError as error:
-        raise ValueError(f"{args.file}: {error}") from error
+        said = str(error).removeprefix(f"{args.file}: ")
+        raise ValueError(f"{args.file}: {said}") from error
     computed, total = data.attrs.get("computed"), data.attrs.get("total")
     if computed != total:
         print(f"{args.file} is not finished: {computed} of {total} glides are there")

@@ -1,4 +1,4 @@
-"""How the starts of an optimisation move (floor 5).
+"""How the starts of an optimisation move.
 
 Each moves in coordinates u without bounds, x = middle + half sin(u), so that a bound can be
 reached and left again. Constraints enter by an augmented Lagrangian (Nocedal and Wright,

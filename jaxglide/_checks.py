@@ -1,4 +1,4 @@
-"""Checks of what a user passes in (floor 0).
+"""Checks of what a user passes in.
 
 Checks of values look at concrete ones only: inside `jit`, `grad` or `vmap` the values are
 not known yet and every check passes, so the same constructors serve the front door and

@@ -1,4 +1,4 @@
-"""Datasets from outside: variables, dimensions, units and ranges declared once (floor 0)."""
+"""Datasets from outside: variables, dimensions, units and ranges declared once."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Documents from outside: read within bounds, of declared structure (floor 0).
+"""Documents from outside: read within bounds, of declared structure.
 
 A reader declares the structure of its document once, as msgspec's `Struct`; whatever does
 not fit is told in one sentence that names the file, the entry, its value and what is allowed.

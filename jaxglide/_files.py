@@ -1,4 +1,4 @@
-"""One way to write a file, and one way to keep others off it (floor 0).
+"""One way to write a file, and one way to keep others off it.
 
 Whatever is written here stands beside its place first, is flushed and synced, and is then
 renamed: a process killed at any moment, or a full disk, leaves the old file or the whole new

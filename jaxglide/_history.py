@@ -1,4 +1,4 @@
-"""The history of an optimisation: what every step tried, and what came of it (floor 5)."""
+"""The history of an optimisation: what every step tried, and what came of it."""
 
 import json
 from typing import Any

@@ -1,4 +1,4 @@
-"""Evaluations of an optimisation, kept as they come (floor 5).
+"""Evaluations of an optimisation, kept as they come.
 
 The first line of a log describes the search, every other one an evaluation: which one it is,
 of which starts, at which points, and what was found there. Each carries a digest of itself

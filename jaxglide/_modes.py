@@ -1,4 +1,4 @@
-"""One solve, differentiable in forward and in reverse mode (floor 0)."""
+"""One solve, differentiable in forward and in reverse mode."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""NetCDF files read within bounds: their table of contents first, values after (floor 0)."""
+"""NetCDF files read within bounds: their table of contents first, values after."""
 
 from pathlib import Path
 from typing import Any

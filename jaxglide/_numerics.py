@@ -1,4 +1,4 @@
-"""Small numerical helpers whose values and gradients are finite everywhere (floor 0).
+"""Small numerical helpers whose values and gradients are finite everywhere.
 
 `sincos` and `arctan2` replace XLA's own on the hot path: XLA's CPU backend calls a
 scalar library routine per element, while these are branch-free polynomials that it

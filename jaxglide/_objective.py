@@ -1,4 +1,4 @@
-"""What is judged, how, and with which arithmetic: trials, objectives, constraints (floor 5).
+"""What is judged, how, and with which arithmetic: trials, objectives, constraints.
 
 The objectives themselves are in `objectives`.
 """

@@ -1,4 +1,4 @@
-"""The largest angles of a glide, followed as it is solved (floor 4)."""
+"""The largest angles of a glide, followed as it is solved."""
 
 import diffrax
 import equinox as eqx

@@ -1,4 +1,4 @@
-"""The last gain of an optimisation: better points sampled near the best (floor 5).
+"""The last gain of an optimisation: better points sampled near the best.
 
 How far a gait glides has ridges narrower than a step that follows the gradient. Sampling
 climbs them: that no nearby point is better is what it stops at.

@@ -1,4 +1,4 @@
-"""One run of an optimisation, from its starts to the sampling at its end (floor 5)."""
+"""One run of an optimisation, from its starts to the sampling at its end."""
 
 import enum
 from typing import Any

@@ -1,4 +1,4 @@
-"""The structure of a study file, declared once (floor 5)."""
+"""The structure of a study file, declared once."""
 
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias

@@ -1,4 +1,4 @@
-"""Array aliases with shapes, for annotations only (floor 0).
+"""Array aliases with shapes, for annotations only.
 
 Vectors along the body hold their components first, `(3, n)`, so that one row is one
 component at every node.

@@ -1,4 +1,4 @@
-"""Units: their names in files, and conversion of what comes in others (floor 0).
+"""Units: their names in files, and conversion of what comes in others.
 
 People read `deg` and `deg/SVL`; a file says `degree`, which both UDUNITS and pint read, and
 what an angle is per stands in the long name.

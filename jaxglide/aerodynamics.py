@@ -1,4 +1,4 @@
-"""Sweep-theory aerodynamics of the body's elements (floor 2, MODEL section 6, eqs 23-26).
+"""Sweep-theory aerodynamics of the body's elements (eqs 23-26).
 
 Only the air's velocity normal to the body makes force. All in body axes.
 """

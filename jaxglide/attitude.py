@@ -1,4 +1,4 @@
-"""Attitude: 2-1-3 Euler angles, rotation matrix, angle rates (floor 1, MODEL section 1).
+"""Attitude: 2-1-3 Euler angles, rotation matrix, angle rates (eq. 22).
 
 Angles are ordered (yaw, pitch, roll). Positive yaw turns the nose left, positive pitch
 raises the nose, positive roll banks right.
@@ -39,7 +39,7 @@ def euler_angles(R_BI: Mat3) -> Vec3:
 
 
 def angle_rates(angles: Vec3, omega_B: Vec3) -> Vec3:
-    """Rates of yaw, pitch, roll [rad/s], shape (3,) (eq. 22, as MODEL section 1 has it).
+    """Rates of yaw, pitch, roll [rad/s], shape (3,) (eq. 22).
 
     Args:
         angles: yaw, pitch, roll [rad], shape (3,); singular at pitch = +-90 degrees.

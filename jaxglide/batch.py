@@ -1,4 +1,4 @@
-"""One batch of a study as a vmapped computation on all local devices (floor 5)."""
+"""One batch of a study as a vmapped computation on all local devices."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""From named values in the units people read to a glider and its launch (floor 4)."""
+"""From named values in the units people read to a glider and its launch."""
 
 import reprlib
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""A sweep on a Dask cluster, one task a batch (floor 5; extra `jaxglide[cluster]`).
+"""A sweep on a Dask cluster, one task a batch (extra `jaxglide[cluster]`).
 
 A task carries its own cases and returns their results; only the process that sweeps writes to
 the store, so workers need not see it. The scheduler sends a lost worker's batch to another.

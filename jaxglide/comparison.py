@@ -1,4 +1,4 @@
-"""Measured and simulated paths beside each other (floor 5)."""
+"""Measured and simulated paths beside each other."""
 
 import numpy as np
 import xarray as xr

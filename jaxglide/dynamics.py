@@ -1,4 +1,4 @@
-"""Equations of motion (floor 3, MODEL section 8, eqs 4-5, 16-20, 22).
+"""Equations of motion (eqs 4-5, 16-20, 22).
 
 The state of a glide is one flat vector of 13 numbers:
 

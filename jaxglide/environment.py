@@ -1,4 +1,4 @@
-"""The air and gravity (floor 1)."""
+"""The air and gravity."""
 
 import equinox as eqx
 
@@ -7,7 +7,7 @@ from ._types import Scalar
 
 
 class Environment(eqx.Module):
-    """Gravity and air. Defaults: air at 30 degrees C (MODEL section 2).
+    """Gravity and air. Defaults: air at 30 degrees C, as published.
 
     Args:
         gravity: gravitational acceleration [m/s^2], 0 to 100.

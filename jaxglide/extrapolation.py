@@ -1,4 +1,4 @@
-"""How much of a glide leans on force coefficients that nobody measured (floor 5)."""
+"""How much of a glide leans on force coefficients that nobody measured."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Force multipliers that bring simulated flights closest to measured ones (floor 5).
+"""Force multipliers that bring simulated flights closest to measured ones.
 
 Least squares over the measured window of all flights at once, by exact gradients
 (Levenberg-Marquardt of Optimistix). A simulation that tumbles is continued by a parabola,

@@ -1,4 +1,4 @@
-"""Measured flights, flown by the model (floor 5).
+"""Measured flights, flown by the model.
 
 Each flight is a measured path with the gait, length, mass and start of the animal, as in the
 dataset of `jaxglide.measured` (read from its file, or made there; this module only needs its

@@ -1,4 +1,4 @@
-"""The gait: two travelling waves of bending (floor 1, MODEL section 3, eqs 2-3, 6-7, 9-12).
+"""The gait: two travelling waves of bending (eqs 2-3, 6-7, 9-12).
 
 The horizontal wave bends the body left and right, the vertical wave up and down at twice
 the wave number and frequency. Both depend on time only through the phase

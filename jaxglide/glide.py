@@ -1,4 +1,4 @@
-"""`simulate`: one glide from launch to its end (floor 4, MODEL section 10)."""
+"""`simulate`: one glide from launch to its end."""
 
 import enum
 

@@ -1,4 +1,4 @@
-"""Glide polar of the whole undulating body, its attitude held (floor 4).
+"""Glide polar of the whole undulating body, its attitude held.
 
 Lift and drag against angle of attack, and the velocity polar diagram with its equilibrium
 (Yeaton, Socha and Ross, "Global dynamics of non-equilibrium gliding in animals", 2017).

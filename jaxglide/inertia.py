@@ -1,4 +1,4 @@
-"""Inertia of the moving body about its centre of mass (floor 2, MODEL section 8).
+"""Inertia of the moving body about its centre of mass (in eqs 16-20).
 
 Every element has its mass on the backbone and, small beside it, the inertia of its section:
 that of two half masses a radius of gyration either side of the backbone, along the chord. The

@@ -1,4 +1,4 @@
-"""Backbone kinematics and aerofoil frames (floor 2, MODEL sections 4 and 5)."""
+"""Backbone kinematics and aerofoil frames (eqs 8, 13-15)."""
 
 import equinox as eqx
 import jax.numpy as jnp

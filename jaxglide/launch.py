@@ -1,4 +1,4 @@
-"""Take-off: phase of the waves, attitude and state at t = 0 (floor 3, MODEL section 9)."""
+"""Take-off: phase of the waves, attitude and state at t = 0 (eq. 27)."""
 
 from typing import NamedTuple
 

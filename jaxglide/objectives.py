@@ -1,4 +1,4 @@
-"""What an optimiser asks for, and its constraints (floor 5).
+"""What an optimiser asks for, and its constraints.
 
 An `Objective` is a pure, differentiable function of a glider and its launch. Objectives add
 up, scale and become constraints:

@@ -1,4 +1,4 @@
-"""Gradient-based optimisation of gaits and bodies, many starts at once (floor 5).
+"""Gradient-based optimisation of gaits and bodies, many starts at once.
 
 All starts advance together: one batch of glides with their gradients a step. See `problem`
 for what is asked, `_ascent` for how the starts move.

@@ -1,4 +1,4 @@
-"""What can be varied, by name, in the units people read (floor 0).
+"""What can be varied, by name, in the units people read.
 
 One table serves sweeps, study files and the command line; the defaults of all of them stand
 here. It loads nothing.

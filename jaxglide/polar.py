@@ -1,4 +1,4 @@
-"""Section force coefficients (floor 1, MODEL section 7).
+"""Section force coefficients and their extension beyond the measured angles.
 
 Measured on an aerofoil with the snake's cross-section (Holden et al. 2014,
 doi:10.1242/jeb.090902). Both polars are piecewise polynomials in the angle of attack and

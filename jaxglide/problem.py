@@ -1,4 +1,4 @@
-"""A problem of optimisation, and its values and gradients at many points (floor 5)."""
+"""A problem of optimisation, and its values and gradients at many points."""
 
 import hashlib
 import os

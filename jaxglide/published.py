@@ -1,4 +1,4 @@
-"""The published shape space, its regions and its numbers (floor 5, MODEL section 12).
+"""The published shape space, its regions and its numbers (figures 4 and 5, table S1).
 
 I. J. Yeaton, S. D. Ross, G. A. Baumgardner, J. J. Socha, "Undulation enables gliding in
 flying snakes", Nature Physics 16, 974-982 (2020), doi:10.1038/s41567-020-0935-4.

@@ -1,4 +1,4 @@
-"""Results as labelled datasets with units, settings and versions (floor 5).
+"""Results as labelled datasets with units, settings and versions.
 
 Whatever has a unit is a variable or a coordinate that says it, in names that UDUNITS and
 pint read; attributes are names, counts, tolerances and pure coefficients.

@@ -1,4 +1,4 @@
-"""The snake's morphology and its division into nodes (floor 1, MODEL sections 2 and 4).
+"""The snake's morphology and its division into nodes (figure S8).
 
 A `Snake` holds what can be measured or designed; `discretise` turns it into `Sections`,
 the arrays along the body that the physics works on. Arc length s runs from the snout
@@ -234,7 +234,7 @@ def _quadrature(snake: Snake) -> tuple[Array, Array, Array]:
 
 
 def discretise(snake: Snake) -> Sections:
-    """The snake at its nodes (MODEL sections 2 and 4)."""
+    """The snake at its nodes: area, mass and chord there, and how to integrate along it."""
     fraction, weight, cumulative = _quadrature(snake)
     density = jnp.where(
         fraction <= snake.head_fraction,

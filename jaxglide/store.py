@@ -1,4 +1,4 @@
-"""A study's results on disk, chunk by chunk (floor 5).
+"""A study's results on disk, chunk by chunk.
 
 A store is a Zarr v3 group, written here file by file, each whole and synced, uncompressed. One
 array holds each result, its first axis the glides in the order in which they are solved;

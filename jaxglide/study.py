@@ -1,4 +1,4 @@
-"""What a sweep is to compute: cases, what is fixed, and how to solve (floor 5)."""
+"""What a sweep is to compute: cases, what is fixed, and how to solve."""
 
 import hashlib
 import json

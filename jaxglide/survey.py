@@ -1,4 +1,4 @@
-"""Wind-tunnel surveys: held glides of many cases, and their moments (floor 5)."""
+"""Wind-tunnel surveys: held glides of many cases, and their moments."""
 
 from functools import lru_cache
 

@@ -1,4 +1,4 @@
-"""Sweeps: many glides in batches, with progress, kept and resumed (floor 5)."""
+"""Sweeps: many glides in batches, with progress, kept and resumed."""
 
 import contextlib
 from collections.abc import Iterator, Mapping

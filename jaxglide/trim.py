@@ -1,4 +1,4 @@
-"""Trim: the gait without pitch moment, stiffness and control effectiveness (floor 4)."""
+"""Trim: the gait without pitch moment, stiffness and control effectiveness."""
 
 import dataclasses
 from typing import NamedTuple

@@ -1,9 +1,9 @@
-"""The virtual wind tunnel: the attitude is held, the air's moments are read (floor 4).
+"""The virtual wind tunnel: the attitude is held, the air's moments are read.
 
-MODEL section 11. The snake keeps undulating while it falls, but does not turn: only its
-centre of mass moves, under the force averaged over the phases of its waves. Body axes are
-x (pitch), y (roll) and z (yaw); with all angles 0 they are the inertial axes. Lateral
-motion is left out, as published.
+The paper's rotationally invariant model (figures 5 and 6). The snake keeps undulating while
+it falls, but does not turn: only its centre of mass moves, under the force averaged over the
+phases of its waves. Body axes are x (pitch), y (roll) and z (yaw); with all angles 0 they are
+the inertial axes. Lateral motion is left out, as published.
 """
 
 import math

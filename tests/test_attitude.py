@@ -1,4 +1,4 @@
-"""Euler angles, rotation matrix and angle rates (MODEL section 1 of the equations)."""
+"""Euler angles, rotation matrix and angle rates (eq. 22)."""
 
 import jax
 import jax.numpy as jnp

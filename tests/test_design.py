@@ -3,6 +3,7 @@
 import ast
 import inspect
 import pathlib
+import re
 import subprocess
 import sys
 
@@ -150,6 +151,14 @@ def test_what_stands_apart_imports_nothing_of_the_model(edges):
     assert not {(a, b) for a, b in edges if a in READERS - {b}}
     users = {a for a, b in edges if b in APART}
     assert users <= {"plot", "cli"}, f"the model imports what stands apart: {sorted(users)}"
+
+
+def test_docstrings_cite_what_a_reader_can_find():
+    """The paper's equations and figures, not pages or numbers that are not here."""
+    cited = re.compile(r"\bMODEL\b|\(floor \d")
+    found = [path.name for path in MODULES if cited.search(path.read_text())]
+    assert MODULES
+    assert not found
 
 
 def test_importing_changes_nothing():

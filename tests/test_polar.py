@@ -89,7 +89,7 @@ def test_continuation_to_90_degrees():
 
 
 def test_published_polar_is_bilinear_on_the_folded_angle():
-    """SciPy's interpolator, the fold of MODEL section 6, and the clamps."""
+    """SciPy's interpolator, the fold fore and aft, and the clamps."""
     rng = np.random.default_rng(0)
     beta, reynolds = rng.uniform(-180, 180, 4000), rng.uniform(0, 20000, 4000)
     v_c, v_b = np.cos(np.deg2rad(beta)), -np.sin(np.deg2rad(beta))

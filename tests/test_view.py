@@ -100,7 +100,7 @@ def test_nodes_are_carried_by_the_centre_of_mass(scene, elements):
 
 def test_cross_section_is_the_chord_wide_flat_below_and_in_the_aerofoil_frame(scene):
     x = (np.arange(NODES) + 0.5) / NODES
-    chord = SVL * ((x - 0.51220022) ** 2 / (4 * -4.88957129) + 0.02895101)  # MODEL section 2
+    chord = SVL * ((x - 0.51220022) ** 2 / (4 * -4.88957129) + 0.02895101)  # as published
     assert np.allclose(scene.chord, chord, rtol=1e-6)
     stations = scene.body()
     at_node = (stations.within == 0) & (stations.segment >= 0)

@@ -1,4 +1,4 @@
-"""The command line (floor 7): one file a command. JAX is set up here, before it loads."""
+"""The command line: one file a command. JAX is set up here, before it loads."""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""Matplotlib figures of glides and of the shape space (floor 6).
+"""Matplotlib figures of glides and of the shape space.
 
 Imported only when asked for (`import jaxglide.plot`). Figures are made with Matplotlib's
 object-oriented interface: no window opens and no global state changes; save one with

@@ -1,4 +1,4 @@
-"""What axes say: symbols of parameters, names of variables, units (floor 6)."""
+"""What axes say: symbols of parameters, names of variables, units."""
 
 from functools import cache
 from typing import Any

@@ -1,4 +1,4 @@
-"""A saved glide made whole again: glider, launch and trajectory from its dataset (floor 6)."""
+"""A saved glide made whole again: glider, launch and trajectory from its dataset."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar

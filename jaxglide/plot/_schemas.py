@@ -1,4 +1,4 @@
-"""What the figures of flights need of a dataset from a file (floor 6)."""
+"""What the figures of flights need of a dataset from a file."""
 
 from .._datasets import Schema, Variable
 

@@ -1,4 +1,4 @@
-"""One look for every figure: sizes, fonts and colours (floor 6)."""
+"""One look for every figure: sizes, fonts and colours."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

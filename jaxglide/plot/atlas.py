@@ -1,4 +1,4 @@
-"""Pictures of large sweeps: where in the space of gaits a glide is stable (floor 6)."""
+"""Pictures of large sweeps: where in the space of gaits a glide is stable."""
 
 from itertools import combinations
 

@@ -1,4 +1,4 @@
-"""Pictures of what dorsoventral bending does to the glide (floor 6, the paper's figure 5)."""
+"""Pictures of what dorsoventral bending does to the glide (the paper's figure 5)."""
 
 import numpy as np
 import xarray as xr

@@ -1,4 +1,4 @@
-"""Pictures of the body in its own axes (floor 6, the paper's figures 2 a-b and 5 a)."""
+"""Pictures of the body in its own axes (the paper's figures 2 a-b and 5 a)."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Pictures of force coefficients, morphology and the whole body's glide polar (floor 6)."""
+"""Pictures of force coefficients, morphology and the whole body's glide polar."""
 
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias

@@ -1,4 +1,4 @@
-"""Two glides beside each other, such as before and after an optimisation (floor 6)."""
+"""Two glides beside each other, such as before and after an optimisation."""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""Results read back from disk: NetCDF files and Zarr stores, even unfinished (floor 6).
+"""Results read back from disk: NetCDF files and Zarr stores, even unfinished.
 
 A file from a stranger can run no code and takes no more memory than there is: what it declares
 is looked at before a library opens it. Only Zarr 3 with the codecs below is opened, nothing

@@ -1,4 +1,4 @@
-"""Measured flights beside their simulations (floor 6; the paper's figure 3)."""
+"""Measured flights beside their simulations (the paper's figure 3)."""
 
 import numpy as np
 import xarray as xr

@@ -1,4 +1,4 @@
-"""Pictures of what the air does along the body (floor 6)."""
+"""Pictures of what the air does along the body."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Pictures of one glide: where it went, how the body moved, how it was oriented (floor 6)."""
+"""Pictures of one glide: where it went, how the body moved, how it was oriented."""
 
 from collections.abc import Sequence
 

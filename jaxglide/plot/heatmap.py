@@ -1,4 +1,4 @@
-"""Any variable of a dataset over one or two of its dimensions, or over its cases (floor 6)."""
+"""Any variable of a dataset over one or two of its dimensions, or over its cases."""
 
 from collections.abc import Mapping
 from typing import Any

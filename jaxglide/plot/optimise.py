@@ -1,4 +1,4 @@
-"""Pictures of optimisations: how the search went, and what it found (floor 6).
+"""Pictures of optimisations: how the search went, and what it found.
 
 They take the history of an `Optimum`: a dataset over step, start and parameter.
 """

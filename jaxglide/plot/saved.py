@@ -1,4 +1,4 @@
-"""The right picture for a saved result (floor 6)."""
+"""The right picture for a saved result."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple

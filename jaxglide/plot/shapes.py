@@ -1,4 +1,4 @@
-"""Pictures of the shape space: amplitude and wave number of the body's wave (floor 6)."""
+"""Pictures of the shape space: amplitude and wave number of the body's wave."""
 
 import numpy as np
 import xarray as xr

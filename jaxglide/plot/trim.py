@@ -1,4 +1,4 @@
-"""Picture of a trim (floor 6)."""
+"""Picture of a trim."""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""Pictures of the waves of bending along the body (floor 6, the paper's figures 2 a, c, d)."""
+"""Pictures of the waves of bending along the body (the paper's figures 2 a, c, d)."""
 
 from collections.abc import Sequence
 

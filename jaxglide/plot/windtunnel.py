@@ -1,4 +1,4 @@
-"""Pictures of the moments of held glides (floor 6, the paper's figures 5 d-f and 6)."""
+"""Pictures of the moments of held glides (the paper's figures 5 d-f and 6)."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias

@@ -1,4 +1,4 @@
-"""Glides to look at: an interactive page, an animation, a still (floor 6).
+"""Glides to look at: an interactive page, an animation, a still.
 
 Imported only when asked for (`import jaxglide.view`, `glide.view()`, `jaxglide view`).
 `view` makes one HTML file that plays in any browser, `animate` a GIF or MP4 for talks and

@@ -1,4 +1,4 @@
-"""The body as a surface: cross-sections along a curve (floor 6).
+"""The body as a surface: cross-sections along a curve.
 
 A surface is a list of stations, each at a place along the body with a width and a height, and
 one outline that is stretched to them. The page draws from the same lists and the same rule.

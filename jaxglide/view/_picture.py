@@ -1,4 +1,4 @@
-"""A scene drawn with Matplotlib, one instant at a time (floor 6)."""
+"""A scene drawn with Matplotlib, one instant at a time."""
 
 from collections.abc import Sequence
 from typing import cast

@@ -1,4 +1,4 @@
-"""The same scene for talks: an animation as GIF or MP4, and a still (floor 6)."""
+"""The same scene for talks: an animation as GIF or MP4, and a still."""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""One HTML file that plays glides and needs nothing else (floor 6).
+"""One HTML file that plays glides and needs nothing else.
 
 The page's scripts, the viewer library and the numbers are packed into it as text; the page
 unpacks them and forbids itself the network.

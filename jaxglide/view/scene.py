@@ -1,4 +1,4 @@
-"""What a view shows, as plain arrays: body, forces, path and axes of a glide (floor 6)."""
+"""What a view shows, as plain arrays: body, forces, path and axes of a glide."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -89,7 +89,7 @@ def retimed(source, change):
 def test_times_may_be_rounded_to_a_millisecond(tmp_path, whole):
     source = write_tabular(tmp_path, whole)
     exact = measured.read_tabular(source)
-    rounded = measured.read_tabular(retimed(source, lambda time: f"{time:.3f}"))
+    rounded = measured.read_tabular(retimed(source, lambda time: f"{time + 0.0004:.3f}"))
     assert rounded.rate == pytest.approx(exact.rate, rel=1e-4)
     lost = source.read_text().splitlines()
     source.write_text("\n".join(lost[:100] + lost[101:]) + "\n")

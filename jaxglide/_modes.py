@@ -16,7 +16,10 @@ def either_mode(solve: Callable[..., Any]) -> Callable[..., Any]:
     A Diffrax solve can be differentiated in one mode only, chosen beforehand. Here the
     rule for tangents computes the Jacobian with respect to what is perturbed, in the mode
     that is cheaper, and multiplies by it; the product can be transposed, so `grad`,
-    `jacfwd` and both under `vmap` work on the same function.
+    `jacfwd` and both under `vmap` work on the same function. The Jacobian by forward mode is
+    such a function again: derivatives of any order exist, in any combination of modes. That by
+    reverse mode, taken where more numbers are perturbed than come out, ends there: of it there
+    is no further derivative.
 
     Args:
         solve: pure function of positional arguments, of `adjoint`, the Diffrax adjoint to
@@ -39,16 +42,18 @@ def either_mode(solve: Callable[..., Any]) -> Callable[..., Any]:
         point, unravel = ravel_pytree(moved)
         direction, _ = ravel_pytree(tangents)
 
-        def outputs(x, adjoint):
+        def outputs(x, fixed, adjoint):
             solved = solve(*eqx.combine(unravel(x), fixed), adjoint=adjoint, **settings)
             return ravel_pytree(eqx.filter(solved, eqx.is_inexact_array))[0], solved
 
-        size = jax.eval_shape(lambda x: outputs(x, diffrax.ForwardMode())[0], point).size
+        forward = diffrax.ForwardMode()
+        size = jax.eval_shape(lambda x: outputs(x, fixed, forward)[0], point).size
         if point.size <= size:
-            jacobian, solved = jax.jacfwd(outputs, has_aux=True)(point, diffrax.ForwardMode())
+            slopes = either_mode(jax.jacfwd(outputs, has_aux=True))
+            jacobian, solved = slopes(point, fixed)
         else:
             adjoint = diffrax.RecursiveCheckpointAdjoint()
-            jacobian, solved = jax.jacrev(outputs, has_aux=True)(point, adjoint)
+            jacobian, solved = jax.jacrev(outputs, has_aux=True)(point, fixed, adjoint)
         floats, rest = eqx.partition(solved, eqx.is_inexact_array)
         tangent = ravel_pytree(floats)[1](jacobian @ direction)
         return solved, eqx.combine(tangent, jtu.tree_map(lambda _: None, rest))

@@ -1,5 +1,6 @@
 """`simulate`: one glide from launch to its end."""
 
+import dataclasses
 import enum
 
 import diffrax
@@ -10,6 +11,7 @@ import numpy as np
 import optimistix as optx
 
 from ._checks import (
+    all_known,
     check_integer,
     check_kind,
     check_range,
@@ -43,6 +45,7 @@ _MAX_STEP = 0.05  # s; events show as sign changes between steps only
 # 0.7 takes as many in all and lands three times closer (3.7 against 0.8 mm at 1e-6).
 _SAFETY = 0.7
 _FIRST_STEP = 2e-3  # s
+_ROOM = 1024  # steps of a dense trajectory that are provided for at first
 _MIN_STEP = 1e-12  # s; below this the vector field is not finite
 
 
@@ -354,6 +357,21 @@ def _fly(glider: Glider, launch: Launch, *, settings: Settings, adjoint) -> _Flo
 _fly_either_mode = either_mode(_fly)
 
 
+def _simulate_dense(glider, launch, settings: Settings, adjoint) -> Glide:
+    """`_simulate` with room for as many steps as it takes, found by trying.
+
+    The trajectory's room is set aside beforehand, a kilobyte a step.
+    """
+    room = _ROOM
+    while True:
+        room = min(room, settings.max_steps)
+        enough = dataclasses.replace(settings, max_steps=room)
+        glide = _simulate(glider, launch, enough, adjoint)
+        if room == settings.max_steps or int(glide.outcome) != Outcome.OUT_OF_STEPS:
+            return dataclasses.replace(glide, settings=settings)
+        room *= 8
+
+
 @eqx.filter_jit
 def _simulate(glider, launch, settings, adjoint) -> Glide:
     if adjoint is not None:
@@ -391,13 +409,17 @@ def simulate(
         rtol, atol: relative and absolute tolerance of a step, above 0 up to 0.1.
         solver: a Diffrax solver of explicit Runge-Kutta kind, by default `Dopri5()`.
         times: times [s] at which to keep the state, increasing, (T,); default none.
-        dense: keep a continuous trajectory for `Glide.at`. Forward mode only.
+        dense: keep a continuous trajectory for `Glide.at`. Forward mode only. Its memory
+            follows the flight; inside `jit`, `vmap` and `jacfwd`, where that is not known
+            beforehand, it is a kilobyte for each of `max_steps`.
         max_time: longest flight [s].
         max_steps: most steps of the solver, rejected ones included.
         step: a fixed step [s] instead of adaptive ones.
-        adjoint: how Diffrax differentiates. By default both modes work; name one of
-            Diffrax's adjoints to commit to it (`RecursiveCheckpointAdjoint` for the
-            gradient of one number with respect to very many).
+        adjoint: how Diffrax differentiates. By default both modes work, and derivatives of
+            higher order in any combination of them, as long as no more numbers are varied
+            than a glide has (some 40); name one of Diffrax's adjoints to commit to it
+            (`RecursiveCheckpointAdjoint` for the gradient of one number with respect to very
+            many).
 
     Returns:
         The glide. Under `vmap`, every array has the batch dimensions in front.
@@ -443,6 +465,8 @@ def simulate(
         max_steps=max_steps,
         dense=dense,
     )
+    if dense and all_known(glider, launch, settings):
+        return _simulate_dense(glider, launch, settings, adjoint)
     return _simulate(glider, launch, settings, adjoint)
 
 

@@ -147,9 +147,10 @@ def _equilibrium(glider, angles, phases) -> Equilibrium:
     gravity, density = glider.environment.gravity, glider.environment.air_density
     tolerance = 1e-10 if angles.dtype == jnp.float64 else 1e-5
 
-    def solve(guess, held):
+    def solve(guess, held, exists=True):
         return optx.root_find(
-            acceleration,
+            # where there is none, nothing a derivative could divide by
+            lambda velocity, held: jnp.where(exists, acceleration(velocity, held), velocity),
             optx.Newton(rtol=tolerance, atol=tolerance),
             guess,
             held,
@@ -167,7 +168,7 @@ def _equilibrium(glider, angles, phases) -> Equilibrium:
     # From shallow to steep paths, slow to fast; stable ones first, then the shallowest.
     held = jax.lax.stop_gradient((glider, angles))
     loading = glider.snake.mass * gravity / wing_area(glider.snake)
-    speed = jax.lax.stop_gradient(jnp.sqrt(2 * loading / density)) * jnp.array([0.7, 1.0, 1.4])
+    speed = jnp.sqrt(jax.lax.stop_gradient(2 * loading / density)) * jnp.array([0.7, 1.0, 1.4])
     slope = jnp.deg2rad(jnp.linspace(10.0, 85.0, 16))
     paths = jnp.stack([jnp.cos(slope), -jnp.sin(slope)], axis=-1)
     guesses = (speed[:, None, None] * paths).reshape(-1, 2)
@@ -175,8 +176,10 @@ def _equilibrium(glider, angles, phases) -> Equilibrium:
     found, stable = jax.vmap(lambda root: judge(root, held))(roots)
     rank = jnp.arctan2(-roots[:, 1], roots[:, 0]) - 10.0 * found - 10.0 * stable
     best = roots[jnp.argmin(jnp.where(found, rank, jnp.inf))]
-    velocity = solve(jnp.where(jnp.any(found), best, guesses[0]), (glider, angles))
+    exists = jnp.any(found)
+    velocity = solve(jnp.where(exists, best, guesses[0]), (glider, angles), exists)
     found, stable = judge(velocity, held)
+    found, stable = found & exists, stable & exists
     velocity = jnp.where(found, velocity, jnp.nan)
     return Equilibrium(velocity, jnp.arctan2(-velocity[1], velocity[0]), found, stable)
 

@@ -80,8 +80,13 @@ def _trim(glider, launch, bounds, tolerance, parameter, points, options) -> Trim
     left = jnp.argmax(changes)
     rising = jnp.where(moments[left] < 0, 1.0, -1.0)
     lower, upper = scanned[left], scanned[left + 1]
+
+    def residual(value, given):
+        # without a change of sign there is no slope that a derivative could divide by
+        return jnp.where(found, rising * moment(value, given), value - lower)
+
     value = optx.root_find(
-        lambda value, given: rising * moment(value, given),
+        residual,
         optx.Bisection(rtol=0.0, atol=tolerance, flip=False),
         (lower + upper) / 2,
         (glider, launch),

@@ -4,6 +4,7 @@ Compilation dominates: `fly` keeps a dense trajectory and `flock` runs ten lanes
 both compile once for most of this file.
 """
 
+import dataclasses
 import sys
 
 import diffrax
@@ -391,6 +392,58 @@ def test_reconstruction_at_the_times_asked_for(glide, flight):
     assert np.isnan(force[~flying]).all()
 
 
+def test_reconstruction_inside_transformations(glide):
+    """Under jit, vmap and jacfwd times are not known: the same there, NaN outside."""
+    times = np.linspace(0, float(glide.time), TIMES.size)
+
+    def lift(times):
+        return reconstruct(glide, times).aerodynamics.lift
+
+    expected = lift(times)
+    np.testing.assert_allclose(jax.jit(lift)(times), expected, rtol=0, atol=1e-12)
+    both = jax.vmap(lift)(np.stack([times, times + 0.01]))
+    np.testing.assert_allclose(both[0], expected, rtol=0, atol=1e-12)
+    assert np.isnan(both[1, -1]).all()
+    assert np.isfinite(both[1, :-1]).all()
+    inner, h = times[5:7], 1e-5
+    slope = jax.jacfwd(lambda shift: lift(inner + shift))(0.0)
+    difference = (lift(inner + h) - lift(inner - h)) / (2 * h)
+    np.testing.assert_allclose(slope, difference, rtol=0, atol=1e-4 * np.abs(slope).max())
+
+
+def test_a_dense_trajectory_has_room_for_the_flight_only(glide):
+    """Not for all of the steps it might have taken."""
+    room = glide.interpolation.ts.size
+    assert int(glide.accepted) < room < 1100
+    assert sum(x.nbytes for x in jax.tree.leaves(glide.interpolation)) < 2e6
+    assert glide.settings.max_steps == 4096
+
+
+@pytest.mark.parametrize(
+    ("steps", "most", "tried"),
+    [
+        (10, 100_000, [1024]),
+        (1025, 100_000, [1024, 8192]),
+        (10**6, 100_000, [1024, 8192, 65536, 100_000]),
+        (10**6, 500, [500]),
+    ],
+)
+def test_room_grows_with_the_flight_up_to_the_most(steps, most, tried, glide, monkeypatch):
+    rooms = []
+
+    def solve(glider, launch, settings, adjoint):
+        rooms.append(settings.max_steps)
+        short = steps > settings.max_steps
+        outcome = Outcome.OUT_OF_STEPS if short else Outcome.LANDED
+        return dataclasses.replace(glide, settings=settings, outcome=outcome)
+
+    monkeypatch.setattr(sys.modules["jaxglide.glide"], "_simulate", solve)
+    found = simulate(glide.glider, dense=True, max_steps=most)
+    assert rooms == tried
+    assert found.settings.max_steps == most
+    assert (found.outcome == Outcome.OUT_OF_STEPS) == (steps > most)
+
+
 # --- many lanes ------------------------------------------------------------------------
 
 COUNT = 10
@@ -526,6 +579,13 @@ def test_a_start_just_above_the_ground_lands_at_once(mixed, flight):
     assert time == pytest.approx(np.sqrt(-2e-9 / float(rates[5])), rel=1e-3)
     assert abs(float(mixed.state[6, 2])) < 1e-10
     assert float(mixed.path_length[6]) == pytest.approx(1.7534 * time, rel=1e-6)
+
+
+def test_a_batch_is_not_taken_for_one_glide(mixed):
+    assert mixed.sample_times(3).shape == (COUNT, 3)
+    np.testing.assert_array_equal(mixed.sample_times(3)[:, -1], mixed.time)
+    with pytest.raises(ValueError, match=r"holds glides of shape \(10,\): take one"):
+        reconstruct(mixed, [0.1])
 
 
 def test_a_batch_prints_a_summary(mixed):

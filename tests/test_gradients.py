@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
+from jaxglide import Environment, Gait, Glider, Launch, Polar, Snake, simulate
 
 NAMES = ("theta_m", "psi_m", "nu_theta", "f_theta", "d_psi", "speed", "height", "mass", "lift")
 # Rows of gaits: theta_m, psi_m, d_psi [deg], nu_theta, f_theta; from 2 m to keep it short.
@@ -153,6 +153,28 @@ def test_many_parameters_use_the_reverse_rule():
     assert abs(np.sum(gradient * scaled) - expected) < 1e-8 * abs(expected)
 
 
+def test_a_lane_that_goes_wrong_keeps_its_gradient_to_itself():
+    """No gravity, and so no launch speed and no end; not a number; out of time."""
+
+    @jax.jit
+    @jax.vmap
+    @jax.grad
+    def gradient(p):
+        gravity, psi_m, height = p
+        snake = Snake.from_svl(0.7, 0.038, nodes=36, node_set="gauss")
+        air = Environment(gravity=gravity)
+        glider = Glider(snake, Gait(1.7, psi_m, 1.4, 1.2), Polar.smooth(), air)
+        return simulate(glider, Launch(height), max_time=1.0).state[1]
+
+    good = [9.81, 0.35, 1.0]
+    bad = [[0.0, 0.35, 1.0], [9.81, np.nan, 1.0], [9.81, 0.35, 50.0], [np.nan, 0.35, 1.0]]
+    found = np.asarray(gradient(np.array([good, *bad])))
+    np.testing.assert_array_equal(found[0], gradient(np.array([good] * 5))[0])
+    assert np.abs(found[0]).min() > 0
+    assert np.isfinite(found[[1, 3]]).all()
+    assert found[3, 2] == 0  # the ground is never met
+
+
 @pytest.mark.slow
 def test_second_derivatives_exist(fixed):
     """Forward over reverse: the Hessian of the landing distance is symmetric."""
@@ -161,9 +183,16 @@ def test_second_derivatives_exist(fixed):
         p = jnp.asarray(POINTS[0]).at[jnp.array([0, 2])].set(q)
         return outputs(p, step=0.02)[0]
 
-    hessian = np.asarray(jax.jit(jax.jacfwd(jax.grad(distance)))(POINTS[0][[0, 2]]))
+    at = POINTS[0][[0, 2]]
+    hessian = np.asarray(jax.jit(jax.jacfwd(jax.grad(distance)))(at))
     assert np.all(np.isfinite(hessian))
     np.testing.assert_allclose(hessian, hessian.T, rtol=1e-6)
+    reverse = jax.jit(jax.jacrev(jax.grad(distance)))(at)
+    np.testing.assert_allclose(reverse, hessian, rtol=1e-6)
+    h = 1e-4 * np.eye(2)
+    slope = jax.jit(jax.grad(distance))
+    difference = np.stack([slope(at + e) - slope(at - e) for e in h]) / 2e-4
+    np.testing.assert_allclose(hessian, difference, rtol=0, atol=1e-4 * np.abs(hessian).max())
 
 
 @pytest.mark.slow

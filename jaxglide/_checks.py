@@ -121,8 +121,9 @@ def _declared(kind: type) -> list[tuple[str, tuple]]:
     found = []
     for field in dataclasses.fields(kind):
         for hint in get_args(field.type) or (field.type,):
-            if hasattr(hint, "dim_str"):
-                dims = (int(d) if d.isdecimal() else d for d in hint.dim_str.split())
+            declared = getattr(hint, "dim_str", None)
+            if declared is not None:
+                dims = (int(d) if d.isdecimal() else d for d in declared.split())
                 found.append((field.name, tuple(dims)))
     return found
 

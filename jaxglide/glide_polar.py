@@ -147,7 +147,7 @@ def _equilibrium(glider, angles, phases) -> Equilibrium:
     gravity, density = glider.environment.gravity, glider.environment.air_density
     tolerance = 1e-10 if angles.dtype == jnp.float64 else 1e-5
 
-    def solve(guess, held, exists=True):
+    def solve(guess, held, exists: Array | bool = True):
         return optx.root_find(
             # where there is none, nothing a derivative could divide by
             lambda velocity, held: jnp.where(exists, acceleration(velocity, held), velocity),

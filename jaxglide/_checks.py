@@ -36,7 +36,7 @@ def number(name: str) -> Callable[[Any], Array]:
 
     def convert(value: Any) -> Array:
         try:
-            if np.iscomplexobj(value):
+            if not is_traced(value) and np.asarray(value).dtype.kind in "cSU":
                 raise TypeError
             return jnp.asarray(value, float)
         except (TypeError, ValueError, OverflowError):
@@ -59,6 +59,7 @@ def check_range(
     *,
     low_open: bool = False,
     high_open: bool = False,
+    shape: tuple | None = None,
 ) -> None:
     """Raise `ValueError` unless every element of `value` is finite and in range.
 
@@ -68,16 +69,21 @@ def check_range(
         unit: unit of `value` and of the bounds, for the message ("" for none).
         low, high: allowed range.
         low_open, high_open: whether the bound itself is excluded.
+        shape: as in `check_shape`, where it matters.
     """
     if is_traced(value):
+        if shape is not None:
+            check_shape(name, value, shape)
         return
     try:
         array = np.asarray(value)
-        if array.dtype.kind == "c":
+        if array.dtype.kind in "cSU":
             raise TypeError
         array = array if array.dtype.kind == "f" else array.astype(float)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} = {value!r} is not a number") from None
+    if shape is not None:
+        check_shape(name, array, shape)
     # In the value's own precision: 180 degrees in float32 are a little more than pi.
     low, high = array.dtype.type(low), array.dtype.type(high)
     good = np.isfinite(array)
@@ -143,7 +149,7 @@ def check_kind(name: str, value: Any, kind: type[Kind]) -> Kind:
     """`value`; `TypeError` unless it is a `kind`."""
     if isinstance(value, kind):
         return value
-    given = type(value).__name__
+    given = "None" if value is None else type(value).__name__
     raise TypeError(f"{name} must be of type {kind.__name__}, not {given}")
 
 

@@ -208,14 +208,14 @@ def fly_flights(
         ValueError: see `check_flights`, or an argument out of range.
     """
     check_choice("node_set", node_set, CHOICES["node_set"])
-    check_range("tolerance", tolerance, "", 0, 0.1, low_open=True)
+    check_range("tolerance", tolerance, "", 0, 0.1, low_open=True, shape=())
     warn_float32(tolerance, tolerance)
     data = check_flights(data)
     flights = measured_of(data)
     nodes = node_count(data["svl"].values) if node_set == "published" else None
     check_choice("polar", polar, CHOICES["polar"])
     for name, scale in (("lift_scale", lift_scale), ("drag_scale", drag_scale)):
-        check_range(name, scale, "", 0, 100)
+        check_range(name, scale, "", 0, 100, shape=())
     fields = {name: np.asarray(values) for name, values in vars(flights).items()}
     fly = _flier(polar, nodes, tuple(jax.local_devices()))
     scales = (jnp.asarray(float(scale)) for scale in (lift_scale, drag_scale))

@@ -67,12 +67,12 @@ class Gait(eqx.Module):
             nu_theta, f_theta: as in `Gait`.
         """
         if theta_m is None:
-            check_range("nu_theta", nu_theta, "", 0, 10)
+            check_range("nu_theta", nu_theta, "", 0, 10, shape=())
             theta_m = shape_line(nu_theta)
         degrees = {"theta_m": theta_m, "psi_m": psi_m, "d_psi": d_psi, "d_theta": d_theta}
         for name, value in degrees.items():
             low, high = np.rad2deg(_RANGES[name])
-            check_range(name, value, "deg", low, high)
+            check_range(name, value, "deg", low, high, shape=())
         radians = {name: jnp.deg2rad(number(name)(value)) for name, value in degrees.items()}
         return cls(nu_theta=nu_theta, f_theta=f_theta, **radians)
 

@@ -436,19 +436,15 @@ def simulate(
         check_kind("solver", solver, diffrax.AbstractERK)
     if adjoint is not None:
         check_kind("adjoint", adjoint, diffrax.AbstractAdjoint)
-    for name, value in (("rtol", rtol), ("atol", atol), ("max_time", max_time), ("step", step)):
-        if value is not None:
-            check_shape(name, value, ())
-    check_range("rtol", rtol, "", 0, 0.1, low_open=True)
-    check_range("atol", atol, "", 0, 0.1, low_open=True)
-    check_range("max_time", max_time, "s", 0, 1e4, low_open=True)
+    for name, value in (("rtol", rtol), ("atol", atol)):
+        check_range(name, value, "", 0, 0.1, low_open=True, shape=())
+    check_range("max_time", max_time, "s", 0, 1e4, low_open=True, shape=())
     check_integer("max_steps", max_steps, 1, 10**9)
     if step is not None:
-        check_range("step", step, "s", 1e-7, 1, low_open=True)
+        check_range("step", step, "s", 1e-7, 1, low_open=True, shape=())
     if times is not None:
         times = number("times")(times)
-        check_range("times", times, "s", 0)
-        check_shape("times", times, ("T",))
+        check_range("times", times, "s", 0, shape=("T",))
         if times.size == 0:
             raise ValueError("times is empty: give at least one")
         if not is_traced(times) and np.any(np.diff(times) < 0):

@@ -141,7 +141,7 @@ def optimise(
         raise TypeError(f"problem = {problem!r} is not a Problem")
     rule = _optimiser(optimiser, len(problem.names))
     given = _options(problem, starts, screen, steps, polish, optimiser, rate, patience)
-    check_range("tolerance", tolerance, "", 0, 1)
+    check_range("tolerance", tolerance, "", 0, 1, shape=())
     check_integer("seed", seed, 0, 2**63 - 1)
     given |= {"optimiser": rule, "tolerance": float(tolerance), "seed": int(seed)}
     guessed = _guessed(problem, guesses, given["starts"])
@@ -193,7 +193,7 @@ def _options(
     check_integer("patience", patience, 1, 1_000_000)
     if optimiser == "adam":
         rate = _RATE if rate is None else rate
-        check_range("rate", rate, "", 0, 10, low_open=True)
+        check_range("rate", rate, "", 0, 10, low_open=True, shape=())
         rate = float(rate)
     elif rate is not None:
         raise ValueError(f"rate = {rate!r} is Adam's: another optimiser brings its own")
@@ -320,7 +320,7 @@ def verify(
     centre = np.array(_point("point", problem, point))
     check_integer("samples", samples, 1, 10_000_000)
     check_integer("seed", seed, 0, 2**63 - 1)
-    check_range("radius", radius, "", 0, 1, low_open=True)
+    check_range("radius", radius, "", 0, 1, low_open=True, shape=())
     evaluate = Evaluator(problem, gradients=False) if screener is None else screener
     around = neighbours(problem, centre, radius, samples, np.random.default_rng(seed))
     found = evaluate(np.vstack([centre, around]), rtol=1e-9, atol=1e-9)

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -46,6 +46,8 @@ class Evaluation(NamedTuple):
 def _bounds(free: Any) -> dict[str, tuple[float, float]]:
     """Bounds by name, from those or from names alone; see `Problem`."""
     if not isinstance(free, Mapping):
+        if not isinstance(free, Iterable):
+            raise TypeError(f"free = {free!r} is neither bounds by name nor a list of names")
         names = [free] if isinstance(free, str) else list(free)
         for name in names:
             if name not in OBSERVED:
@@ -112,8 +114,8 @@ class Problem:
             if name in free:
                 raise ValueError(f"{name} is both free and fixed")
         for name in ("rtol", "atol"):
-            check_range(name, getattr(self, name), "", 0, 0.1, low_open=True)
-        check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True)
+            check_range(name, getattr(self, name), "", 0, 0.1, low_open=True, shape=())
+        check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True, shape=())
         set_ = object.__setattr__
         for name in ("rtol", "atol", "max_time"):
             set_(self, name, float(getattr(self, name)))
@@ -257,7 +259,7 @@ class Evaluator:
         rtol = problem.rtol if rtol is None else rtol
         atol = problem.atol if atol is None else atol
         for name, value in (("rtol", rtol), ("atol", atol)):
-            check_range(name, value, "", 0, 0.1, low_open=True)
+            check_range(name, value, "", 0, 0.1, low_open=True, shape=())
         self.told = self.told or warn_float32(rtol, atol)
         rtol, atol = jnp.asarray(rtol), jnp.asarray(atol)
         if not self.width:  # kept, so that fewer points later compile nothing

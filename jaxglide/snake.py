@@ -127,7 +127,7 @@ class Snake(eqx.Module):
                 LaBarbera 2005, doi:10.1242/jeb.01579).
             **fields: any other field of `Snake`.
         """
-        check_range("svl", svl, "m", 0, 100, low_open=True)
+        check_range("svl", svl, "m", 0, 100, low_open=True, shape=())
         if mass is None:
             centimetres = 100 * jnp.asarray(svl, float)
             mass = 1e-3 * jnp.exp(-9.94919177 + 3.19831074 * jnp.log(centimetres))

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ._checks import check_range, warn_float32
+from ._checks import check_kind, check_range, warn_float32
 from ._units import labelled
 from .batch import spread
 from .cases import build
@@ -104,8 +104,8 @@ def survey(
     """
     _check_study(study)
     held = check_angles(angles, phases)
-    check_range("interval", interval, "s", 1e-4, 10)
-    check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True)
+    check_range("interval", interval, "s", 1e-4, 10, shape=())
+    check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True, shape=())
     given = study.columns(np.arange(len(study)))
     columns = {"speed": np.full(len(study), HELD_SPEED), **given}
     devices, setup = tuple(jax.local_devices()), tuple(sorted(study.setup.items()))
@@ -140,6 +140,7 @@ def survey(
 
 def _check_study(study: Study) -> None:
     """Refuse what a held glide has no use for; say where float32 is too coarse."""
+    check_kind("study", study, Study)
     for name, default in (("times", None), ("max_time", MAX_TIME), ("max_steps", MAX_STEPS)):
         if getattr(study, name) != default:
             raise ValueError(

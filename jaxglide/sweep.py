@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ._checks import check_integer, warn_float32
+from ._checks import check_integer, check_kind, warn_float32
 from .batch import default_width, solve
 from .records import study_dataset
 from .store import blank, opened, precision
@@ -53,6 +53,7 @@ def sweep(
         ValueError: a wrong argument, or a store that is not this study's (`StoreError`).
         OSError: the store cannot be read or written, or the cluster fails.
     """
+    check_kind("study", study, Study)
     warn_float32(study.rtol, study.atol)
     if width is not None:
         check_integer("width", width, 1, 10**7)

@@ -138,7 +138,7 @@ def trim(
     check_glider(glider)
     check_choice("parameter", parameter, GAIT_PARAMETERS)
     check_integer("points", points, 2, 1000)
-    check_range("tolerance", tolerance, "", 0, 1, low_open=True)
+    check_range("tolerance", tolerance, "", 0, 1, low_open=True, shape=())
     if bounds is None:
         if parameter != "d_psi":
             raise ValueError(f"bounds of {parameter} must be given: lowest and highest value")

@@ -384,10 +384,10 @@ def fall(
     check_kind("launch", launch, Launch).__check_init__()
     _check_launch(launch)
     angles = check_angles(angles, phases)
-    check_range("interval", interval, "s", 1e-4, 10)
-    check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True)
+    check_range("interval", interval, "s", 1e-4, 10, shape=())
+    check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True, shape=())
     for name, value in (("rtol", rtol), ("atol", atol)):
-        check_range(name, value, "", 0, 0.1, low_open=True)
+        check_range(name, value, "", 0, 0.1, low_open=True, shape=())
     warn_float32(rtol, atol, angles.dtype)
     samples = math.ceil(max_time / interval) + 1
     tolerances = (jnp.asarray(rtol, angles.dtype), jnp.asarray(atol, angles.dtype))

@@ -81,6 +81,11 @@ def _drop_output() -> None:
     os.dup2(nowhere, sys.stdout.fileno())
 
 
+def _short(said: str) -> str:
+    """A sentence that echoes what was given, without the middle of something endless."""
+    return said if len(said) <= 500 else f"{said[:300]} … {said[-180:]}"
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 failed, 2 wrong input)."""
     try:
@@ -93,12 +98,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # who reads what is printed has seen enough
         return 1
     except (UsageError, ValueError, TypeError) as error:
-        print(f"jaxglide: {error}", file=sys.stderr)
+        print(f"jaxglide: {_short(str(error))}", file=sys.stderr)
         return 2
     except OSError as error:
         where = "" if error.filename is None else f"{error.filename}: "
         said = f"{where}{error.strerror}" if error.strerror else str(error)
-        print(f"jaxglide: {said}", file=sys.stderr)
+        print(f"jaxglide: {_short(said)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("jaxglide: interrupted", file=sys.stderr)

@@ -69,9 +69,9 @@ def _run(args) -> int:
     from ..flights import fly_flights
     from ..glide import Outcome
 
+    data = measured_flights(args.data, args.json)
     if args.plots is not None:
         make_folder(args.plots)
-    data = measured_flights(args.data, args.json)
     flown = fly_flights(
         data,
         polar=args.polar,

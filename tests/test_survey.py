@@ -75,7 +75,7 @@ def test_a_survey_is_what_single_falls_and_loads_say(data, study):
 def test_the_default_speed_is_the_published_one_and_a_given_one_counts():
     given = {"height": 0.3, "nu_theta": [1.2], "d_psi": [0.0]}
     cases = {name: np.atleast_1d(value) for name, value in given.items()}
-    options = {"phases": 2, "interval": 0.1, "max_time": 1.0}
+    options = {"phases": 4, "interval": 0.1, "max_time": 1.0}
     slow = survey(Study(cases=cases), **options)
     fast = survey(Study(cases={**cases, "speed": [3.0]}), **options)
     assert slow.velocity.values[0, 0].tolist() == [1.7, 0.0]

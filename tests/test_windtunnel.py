@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, discretise
+from jaxglide import Environment, Gait, Glider, Launch, Outcome, Polar, Snake, discretise
 from jaxglide.dynamics import Flight, six_degrees_of_freedom
 from jaxglide.glide_polar import body_polar, equilibrium, velocity_polar
 from jaxglide.inertia import angular_momentum
 from jaxglide.kinematics import backbone, wave_phase
+from jaxglide.trim import trim
 from jaxglide.windtunnel import fall, loads, loads_along, loads_at_end, over_phases
 
 MOVING = np.array([0.0, 4.0, -5.0])
@@ -280,3 +281,27 @@ def test_a_fall_that_does_not_land_says_so(glider):
     assert float(fallen.time) == pytest.approx(1.0)
     assert float(fallen.state[1]) > 4
     assert int(fallen.last) == 40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ask", ["equilibrium", "trim"])
+def test_a_lane_without_an_answer_keeps_its_gradient_to_itself(ask):
+    """No air at all, no gravity, not a number: nothing raises, the good lane is as alone."""
+
+    def answer(p):
+        gravity, psi_m, scale = p
+        polar = Polar.smooth(scale, scale)
+        gait, air = Gait(1.7, psi_m, 1.4, 1.2, 0.17), Environment(gravity=gravity)
+        glider = Glider(Snake.from_svl(), gait, polar, air)
+        if ask == "equilibrium":
+            return equilibrium(glider, phases=4).velocity[0]
+        launch, options = Launch(1.0, 1.7), {"phases": 4, "interval": 0.1, "max_time": 1.0}
+        return trim(glider, launch=launch, points=2, **options).value
+
+    gradient = jax.jit(jax.vmap(jax.grad(answer)))
+    good = [9.81, 0.35, 1.0]
+    lanes = [good, [9.81, 0.35, 0.0], [0.0, 0.35, 1.0], [9.81, np.nan, 1.0]]
+    found = np.asarray(gradient(np.array(lanes)))
+    np.testing.assert_array_equal(found[0], gradient(np.array([good] * 4))[0])
+    assert np.isfinite(found[0]).all()
+    assert np.abs(found[0]).max() > 0

@@ -89,11 +89,11 @@ TUNNEL: dict[str, Parameter] = {
     "yaw": Parameter("deg", 0.0, "held yaw", -85, 85, True, True),
     "pitch": Parameter("deg", 0.0, "held pitch", -85, 85, True, True),
     "roll": Parameter("deg", 0.0, "held roll", -85, 85, True, True),
-    "phases": Parameter("", 60, "phases at which moments are read", 2, 3600),
+    "phases": Parameter("", 60, "phases at which moments are read", 4, 3600),
     "interval": Parameter("s", 0.025, "between records", 1e-4, 10),
     "max_time": Parameter("s", 10.0, "longest fall", 0, 1e4, True),
 }
-"""How a held glide falls and is read; one phase has no peak-to-peak."""
+"""How a held glide falls and is read; fewer than four phases compare left and right only."""
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "polar": ("published", "smooth"),

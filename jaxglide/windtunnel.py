@@ -32,6 +32,7 @@ from .dynamics import ANGLES, VELOCITY, Elements, Flight, Glider, check_glider, 
 from .glide import ANGLE_LIMIT, Outcome
 from .inertia import moment_of, over_nodes, shape_moment
 from .launch import Launch, published_speed
+from .parameters import TUNNEL
 from .snake import Sections, discretise
 
 PITCH, ROLL, YAW = 0, 1, 2  # components of a moment in body axes
@@ -43,7 +44,7 @@ MOMENT_PHASES = 60
 PUBLISHED_LAUNCH = (10.0, 1.7)
 """Height [m] and forward speed [m/s] of the published held glides."""
 
-PHASES = (4, 10_000)
+PHASES = int(TUNNEL["phases"].low), int(TUNNEL["phases"].high)
 """Fewest and most phases: with fewer than four, left and right alone are compared."""
 
 _FIRST_STEP = 1e-2  # s
@@ -164,7 +165,7 @@ def loads(
         velocity: of the centre of mass, inertial axes [m/s], (3,).
         angles: yaw, pitch, roll [rad], (3,), below 85 degrees.
         time: in the waves' phase phi_theta - 2 pi f_theta t [s].
-        phases: number of phases phi_theta, equally spaced from 0, 4 to 10,000.
+        phases: number of phases phi_theta, equally spaced from 0, 4 to 3600.
         per_element: keep every element apart, (P, 3, n), instead of their sum, (P, 3).
 
     Raises:
@@ -371,7 +372,7 @@ def fall(
         launch: height, speed and elevation, and nothing else; by default the published
             10 m and 1.7 m/s.
         angles: held yaw, pitch, roll [rad], (3,), below 85 degrees.
-        phases: number of phases over which the force is averaged, 4 to 10,000.
+        phases: number of phases over which the force is averaged, 4 to 3600.
         interval: between records [s], 1e-4 to 10; published 0.025.
         max_time: longest fall [s], at most 10,000 intervals.
         rtol, atol: tolerances of a step.

@@ -247,7 +247,7 @@ def test_trim_prints_a_root_or_says_there_is_none(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("windtunnel", "--phases=1"), "--phases = 1 is not allowed: it must be in [2, 3600]"),
+        (("windtunnel", "--phases=1"), "--phases = 1 is not allowed: it must be in [4, 3600]"),
         (("windtunnel", "--phases=0"), "--phases = 0 is not allowed"),
         (("windtunnel", "--phases=1000000000"), "--phases = 1000000000 is not allowed"),
         (("windtunnel", "--pitch=85"), "--pitch = 85 deg is not allowed"),

@@ -337,6 +337,17 @@ def test_changed_values_compile_nothing(glide, monkeypatch):
         simulate(other, max_steps=4095)
 
 
+def test_a_straight_body_flies():
+    """It only pitches, and how much inertia it has about its own axis does not matter."""
+    straight = Gait.from_degrees(0, 0, d_psi=0)
+    thin, flat = (fly(Glider(Snake.from_svl(gyration=g), straight)) for g in (1e-3, 0.25))
+    assert int(thin.outcome) == Outcome.LANDED
+    assert abs(float(thin.state[0])) < 1e-9
+    assert np.asarray(thin.max_angles)[[0, 2]].max() < 1e-9
+    assert float(thin.max_angles[1]) > 0.2
+    np.testing.assert_allclose(flat.state, thin.state, rtol=0, atol=1e-7)
+
+
 # --- reconstruct -----------------------------------------------------------------------
 
 

@@ -176,6 +176,35 @@ def test_a_lane_that_goes_wrong_keeps_its_gradient_to_itself():
 
 
 @pytest.mark.slow
+def test_gradients_of_a_straight_body_are_finite():
+    glider = Glider(Snake.from_svl(), Gait.from_degrees(0, 0, d_psi=0), Polar.smooth())
+
+    @eqx.filter_jit
+    @eqx.filter_grad
+    def gradient(given):
+        return simulate(*given).time
+
+    leaves = jax.tree.leaves(gradient((glider, Launch())))
+    assert all(np.isfinite(leaf).all() for leaf in leaves)
+
+
+@pytest.mark.slow
+def test_gradients_of_bodies_bent_past_the_vertical():
+    """By wave number, over vertical amplitudes to either side of 90 degrees."""
+    snake = Snake.from_svl(nodes=60, node_set="gauss")
+
+    def forward(nu_theta, psi_m):
+        gait = Gait(jnp.deg2rad(90.0), psi_m, nu_theta, 1.2, jnp.deg2rad(10.0))
+        glider = Glider(snake, gait, Polar.smooth())
+        return simulate(glider, Launch(2.0), rtol=1e-9, atol=1e-9).landing_point[1]
+
+    value, slope = (jax.jit(jax.vmap(f)) for f in (forward, jax.jacfwd(forward)))
+    psi_m, nu, h = np.deg2rad([60.0, 75, 85, 95, 110]), np.full(5, 1.3), 1e-3
+    difference = (value(nu + h, psi_m) - value(nu - h, psi_m)) / (2 * h)
+    np.testing.assert_allclose(slope(nu, psi_m), difference, rtol=1e-3)
+
+
+@pytest.mark.slow
 def test_second_derivatives_exist(fixed):
     """Forward over reverse: the Hessian of the landing distance is symmetric."""
 

@@ -38,7 +38,6 @@ def _run(args) -> int:
         atol=args.atol,
         solver=dict(zip(_SOLVERS, solvers, strict=True))[args.solver](),
         dense=args.save is not None or args.plot is not None,
-        max_steps=20_000,
     )
     outcome = Outcome(int(glide.outcome))
 

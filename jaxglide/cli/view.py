@@ -89,9 +89,7 @@ def _glides(args, changes):
     labels += [_words({name: value}, [name]) for name, value in changes]
 
     def fly(glider, launch):
-        return simulate(
-            glider, launch, rtol=args.rtol, atol=args.atol, dense=True, max_steps=20_000
-        )
+        return simulate(glider, launch, rtol=args.rtol, atol=args.atol, dense=True)
 
     glides = [fly(*build_from(args)), *(fly(*build(case, setup)) for case in cases[1:])]
     return glides, labels

@@ -59,7 +59,8 @@ def connected(cluster: Any, tell: bool = True) -> Iterator[Any]:
         client = cluster
         if not isinstance(cluster, Client):
             try:
-                client = stack.enter_context(Client(cluster, timeout=_PATIENCE))
+                new = Client(cluster, timeout=_PATIENCE, set_as_default=False)
+                client = stack.enter_context(new)
             except OSError as error:
                 raise ClusterError(f"no scheduler answers at {cluster}: {error}") from None
             except (ValueError, TypeError) as error:

@@ -33,7 +33,9 @@ def gaits():
         name: jnp.deg2rad(values[i])
         for i, name in ((0, "theta_m"), (1, "psi_m"), (4, "d_psi"), (5, "d_theta"))
     }
-    return Gait(nu_theta=values[2], f_theta=values[3], **angles)
+    return jax.vmap(lambda waves: Gait(**waves))(
+        {"nu_theta": values[2], "f_theta": values[3], **angles}
+    )
 
 
 @pytest.fixture(scope="module")

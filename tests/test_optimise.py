@@ -407,7 +407,7 @@ def test_the_history_is_labelled(tmp_path):
     assert data.glides.values.tolist() == [0] * 6 + [256] * 2
     assert int(np.isfinite(data.value.values[6:]).sum()) == 2
     assert data.parameter.values.tolist() == ["theta_m", "nu_theta"]
-    assert data.unit.values.tolist() == ["deg", "1"]
+    assert data.unit.values.tolist() == ["degree", "1"]
     assert data.value.attrs == {"units": "m", "long_name": "landing_distance"}
     assert json.loads(data.attrs["problem"])["constraints"] == [
         "stability_margin >= 1 (scale 1)"

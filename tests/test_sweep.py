@@ -23,6 +23,7 @@ from jaxglide import Gait, Glide, Glider, Launch, Polar, Snake, batch, cli, simu
 from jaxglide import cluster as on_cluster
 from jaxglide import store as stores
 from jaxglide import sweep as module
+from jaxglide._files import write_netcdf
 from jaxglide.batch import default_width, solve
 from jaxglide.cases import build, check_setup
 from jaxglide.parameters import PARAMETERS
@@ -815,6 +816,7 @@ def test_a_cluster_that_is_not_there_leaves_no_store(
     with pytest.raises(error, match=said):
         sweep(study, tmp_path / "s.zarr", progress=False, cluster=address)
     assert list(tmp_path.iterdir()) == []
+    write_netcdf(tmp_path / "a.nc", xr.Dataset({"x": 1.0}))  # Dask is not asked for it
 
 
 def test_failed_glides_are_not_the_farthest(capsys, monkeypatch):

@@ -1,5 +1,6 @@
 """JAX for the command line: float64, all cores, a cache of compiled code."""
 
+import contextlib
 import os
 import warnings
 from pathlib import Path
@@ -25,7 +26,8 @@ def configure() -> None:
         jax.config.update("jax_compilation_cache_dir", _cache())
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     if not os.environ.get("JAX_NUM_CPU_DEVICES"):
-        jax.config.update("jax_num_cpu_devices", _cores())
+        with contextlib.suppress(RuntimeError):  # JAX is at work already: its devices stay
+            jax.config.update("jax_num_cpu_devices", _cores())
     warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
 
 

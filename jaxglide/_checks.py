@@ -36,7 +36,7 @@ def number(name: str) -> Callable[[Any], Array]:
 
     def convert(value: Any) -> Array:
         try:
-            if not is_traced(value) and np.asarray(value).dtype.kind in "cSU":
+            if not is_traced(value) and np.asarray(value).dtype.kind in "bcSU":
                 raise TypeError
             return jnp.asarray(value, float)
         except (TypeError, ValueError, OverflowError):
@@ -77,7 +77,7 @@ def check_range(
         return
     try:
         array = np.asarray(value)
-        if array.dtype.kind in "cSU":
+        if array.dtype.kind in "bcSU":
             raise TypeError
         array = array if array.dtype.kind == "f" else array.astype(float)
     except (TypeError, ValueError, OverflowError):

@@ -42,18 +42,20 @@ def either_mode(solve: Callable[..., Any]) -> Callable[..., Any]:
         point, unravel = ravel_pytree(moved)
         direction, _ = ravel_pytree(tangents)
 
-        def outputs(x, fixed, adjoint):
+        # What is not differentiated may be traced too: a rule in a rule must be given it.
+        def outputs(x, fixed, settings, adjoint):
             solved = solve(*eqx.combine(unravel(x), fixed), adjoint=adjoint, **settings)
             return ravel_pytree(eqx.filter(solved, eqx.is_inexact_array))[0], solved
 
         forward = diffrax.ForwardMode()
-        size = jax.eval_shape(lambda x: outputs(x, fixed, forward)[0], point).size
+        size = jax.eval_shape(lambda x: outputs(x, fixed, settings, forward)[0], point).size
         if point.size <= size:
             slopes = either_mode(jax.jacfwd(outputs, has_aux=True))
-            jacobian, solved = slopes(point, fixed)
+            jacobian, solved = slopes(point, fixed, settings)
         else:
-            adjoint = diffrax.RecursiveCheckpointAdjoint()
-            jacobian, solved = jax.jacrev(outputs, has_aux=True)(point, fixed, adjoint)
+            backward = diffrax.RecursiveCheckpointAdjoint()
+            slopes = jax.jacrev(outputs, has_aux=True)
+            jacobian, solved = slopes(point, fixed, settings, backward)
         floats, rest = eqx.partition(solved, eqx.is_inexact_array)
         tangent = ravel_pytree(floats)[1](jacobian @ direction)
         return solved, eqx.combine(tangent, jtu.tree_map(lambda _: None, rest))

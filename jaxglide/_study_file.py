@@ -18,9 +18,6 @@ class Span(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     stop: float
     count: Annotated[int, Meta(ge=1, le=10**7)]
 
-    def __len__(self) -> int:
-        return self.count
-
     def values(self) -> np.ndarray:
         """All of them, (count,)."""
         return np.linspace(self.start, self.stop, self.count)

@@ -186,9 +186,9 @@ class Glide(eqx.Module):
 
     def at(self, times) -> Float[Array, "T 13"]:
         """States at `times` [s], (T,) to (T, 13), NaN outside; needs `dense=True`."""
+        _check_single(self)
         if self.interpolation is None:
             raise ValueError("this glide kept no trajectory: simulate it with dense=True")
-        _check_single(self)
         times = jnp.asarray(number("times")(times), self.time.dtype)
         check_shape("times", times, ("T",))
         inside = (times >= 0) & (times <= self.time)

@@ -31,6 +31,7 @@ _HEAD_DENSITY = (0.01661771, 1.36099325, -0.00012991)
 _BODY_DENSITY = (0.52583598, 1.11461374, -0.10778636)
 _HEAD_END = 0.037
 _GYRATION = 1e-3
+_LEAST_GYRATION = 1e-5
 
 
 class Snake(eqx.Module):
@@ -89,6 +90,11 @@ class Snake(eqx.Module):
             "head_fraction", self.head_fraction, "of SVL", 0, 0.5, low_open=True, high_open=True
         )
         check_range("gyration", self.gyration, "chords", 0, 1)
+        if not is_traced(self.gyration) and 0 < float(self.gyration) < _LEAST_GYRATION:
+            raise ValueError(
+                f"gyration = {self.gyration:g} chords is not allowed: it must be 0, or "
+                f"{_LEAST_GYRATION:g} at least for the inertia to be more than round-off"
+            )
         self._check_profiles()
         check_integer("nodes", self.nodes, 8, 2000)
         check_choice("node_set", self.node_set, ("published", "gauss"))

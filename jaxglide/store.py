@@ -226,6 +226,8 @@ class Store:
             WriteError: the disk is full or not writable; then there is nothing.
         """
         target = Path(os.path.realpath(self.path))
+        if target == Path.cwd():  # which cannot be replaced under those who stand in it
+            raise StoreError(f"{self.path} is the current folder: give another one")
         beside = target.with_name(f".{target.name}-{secrets.token_hex(8)}")
         try:
             with writing(self.path):
@@ -326,14 +328,20 @@ class Store:
             ) from error
 
 
-def check_memory(path: str | Path, size: int) -> None:
+def bytes_of(study: Study, kind: str) -> int:
+    """Size of all results."""
+    each = (math.prod(a.shape) * a.dtype.itemsize for a in layout(study, kind).values())
+    return math.prod(study.shape) * sum(each)
+
+
+def check_memory(what: str | Path, size: int) -> None:
     """Raise `StoreError` for results that this machine's memory does not hold twice."""
     memory = 2**34  # where the system does not tell
     with contextlib.suppress(AttributeError, ValueError, OSError):
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if 2 * size > memory:
         raise StoreError(
-            f"{path} holds {size / 1e9:.3g} GB: more than half of this machine's memory of "
+            f"{what} holds {size / 1e9:.3g} GB: more than half of this machine's memory of "
             f"{memory / 1e9:.3g} GB"
         )
 
@@ -394,7 +402,6 @@ def load(path: str | Path) -> Store:
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise StoreError(f"{path} is damaged: its study cannot be read ({error})") from error
     store = Store(path, study, root)
-    each = (math.prod(a.shape) * a.dtype.itemsize for a in store.layout.values())
-    check_memory(path, store.size * sum(each))
+    check_memory(path, bytes_of(study, found["precision"]))
     store.check()
     return store

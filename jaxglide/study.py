@@ -31,11 +31,16 @@ def check_number_of_cases(sizes: Mapping[str, int]) -> None:
 
 def expanded(grid: Mapping[str, Sequence[float] | Span]) -> dict[str, Any]:
     """A grid with its spans as values, which are made only where they are not too many."""
-    check_number_of_cases({name: len(values) for name, values in grid.items()})
+    sizes = {n: v.count if isinstance(v, Span) else len(v) for n, v in grid.items()}
+    check_number_of_cases(sizes)
     found = {}
     for name, values in grid.items():
         if isinstance(values, Span):
             check_parameters({name: (values.start, values.stop)})
+            if values.count == 1 and values.start != values.stop:
+                raise ValueError(
+                    f"{name} from {values.start:g} to {values.stop:g} is more than 1 value"
+                )
             values = values.values()
         found[name] = values
     return found
@@ -90,6 +95,11 @@ class Study:
             said = ", ".join(f"{name} {size}" for name, size in sizes.items())
             raise ValueError(f"cases differ in length: {said}")
         check_number_of_cases(sizes if self.cases is None else {"case": max(sizes.values())})
+        for name, values in arrays.items() if kind == "grid" else ():
+            ordered = np.sort(values)
+            same = ordered[1:][ordered[1:] == ordered[:-1]]
+            if same.size:
+                raise ValueError(f"{name} = {same[0]:g} stands twice in the grid")
         fixed = {name: as_number(name, value) for name, value in self.fixed.items()}
         check_parameters(fixed)
         for name in fixed:

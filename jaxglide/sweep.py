@@ -12,7 +12,7 @@ import xarray as xr
 from ._checks import check_integer, check_kind, warn_float32
 from .batch import default_width, solve
 from .records import study_dataset
-from .store import blank, opened, precision
+from .store import blank, bytes_of, check_memory, opened, precision
 from .study import Study
 
 
@@ -57,6 +57,7 @@ def sweep(
     warn_float32(study.rtol, study.atol)
     if width is not None:
         check_integer("width", width, 1, 10**7)
+    check_memory("the study", bytes_of(study, precision()))
     order, tell = study.order(), progress is not False
     with contextlib.ExitStack() as stack:
         if cluster is None:

@@ -424,7 +424,18 @@ def read_records(glider: Glider, angles: Vec3, times, states, phases: int) -> Lo
     return jax.lax.map(at, (times, states))
 
 
+def _check_fallen(fallen, phases) -> None:
+    check_kind("fallen", fallen, Fall)
+    check_shape("fallen", fallen.time, ())
+    check_integer("phases", phases, *PHASES)
+
+
 @eqx.filter_jit
+def _loads_along(fallen: Fall, phases: int) -> Loads:
+    given = fallen.times, fallen.states
+    return read_records(fallen.glider, fallen.angles, *given, phases)
+
+
 def loads_along(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:
     """Forces and moments by phase at every record of a held glide, NaN after its end.
 
@@ -434,16 +445,29 @@ def loads_along(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:
 
     Returns:
         `Loads` of the whole body, (S, P, 3).
+
+    Raises:
+        TypeError, ValueError: no held glide, or a batch of them; phases out of range.
     """
-    check_integer("phases", phases, 1, 100_000)
-    given = fallen.times, fallen.states
-    return read_records(fallen.glider, fallen.angles, *given, phases)
+    _check_fallen(fallen, phases)
+    return _loads_along(fallen, phases)
 
 
 @eqx.filter_jit
-def loads_at_end(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:
-    """Forces and moments by phase at the end of a held glide, (P, 3)."""
-    check_integer("phases", phases, 1, 100_000)
+def _loads_at_end(fallen: Fall, phases: int) -> Loads:
     velocity = _velocity(fallen.state)
     sections = discretise(fallen.glider.snake)
     return _by_phase(fallen.glider, sections, velocity, fallen.angles, fallen.time, phases)
+
+
+def loads_at_end(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:
+    """Forces and moments by phase at the end of a held glide, (P, 3).
+
+    Args:
+        fallen, phases: as in `loads_along`.
+
+    Raises:
+        TypeError, ValueError: as `loads_along`.
+    """
+    _check_fallen(fallen, phases)
+    return _loads_at_end(fallen, phases)

@@ -269,6 +269,7 @@ NONSENSE = {
     r"^gyration = 0 is not allowed of a straight body": lambda: Glider(
         Snake.from_svl(gyration=0), Gait.from_degrees(0, 0, d_psi=0)
     ),
+    r"^gyration = 1e-09 chords is not allowed": lambda: Snake.from_svl(gyration=1e-9),
     r"^phases = 3 is not allowed.*\[4, 3600\]": lambda: loads(GLIDER, [0, 3, -4], phases=3),
     r"^phases = 1000000000 is not allowed": lambda: loads(GLIDER, [0, 3, -4], phases=10**9),
 }

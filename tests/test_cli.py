@@ -420,6 +420,9 @@ def test_a_sweep_that_could_not_compute_a_glide_exits_with_1(capsys, swept, extr
         (("study.toml", "--atol=1e-6"), "--atol does not apply"),
         (("--vary", "svl=1", "--width", "0"), "--width = 0 is not allowed"),
         (("--vary", "svl=1", "--save", "s.zarr"), ".nc"),
+        (("--vary", "nu_theta=1:2:1"), "nu_theta from 1 to 2 is more than 1 value"),
+        (("--vary", f"nu_theta=1:2:{10**20}"), "cases (nu_theta"),
+        (("--vary", "nu_theta=1,2,1"), "nu_theta = 1 stands twice in the grid"),
     ],
 )
 def test_wrong_sweeps(capsys, swept, arguments, message):

@@ -48,6 +48,16 @@ def sample():
         ),
         (["sweep", "--vary", "speed=1", "--store", "a.nc", "--save", "a.nc"], "both name a.nc"),
         (["optimise", "--log", "no/a.jsonl"], "cannot write no/a.jsonl: there is no folder no"),
+        (["compare", "a.nc", "--save", "a.nc"], "--save a.nc is the file to be read"),
+        (["plot", "a.png", "--out", "a.png"], "--out a.png is the file to be read"),
+        (
+            ["sweep", "--vary", "speed=1", "--store", "a", "--save", "a/b.nc"],
+            "no folder a",
+        ),
+        (
+            ["sweep", "--vary", "speed=1", "--store", "folder.nc", "--save", "folder.nc/b.nc"],
+            "--save folder.nc/b.nc lies in the folder of --store",
+        ),
         (["glide", "--save", "folder.nc"], "cannot write folder.nc: it is a folder"),
         (["plot", "a.nc"], "a.png exists: give a name with --out, or --force to replace it"),
     ],

@@ -33,6 +33,7 @@ from jaxglide.attitude import angle_rates
 from jaxglide.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
 from jaxglide.extrapolation import extrapolation
 from jaxglide.glide import _clearance
+from jaxglide.records import glide_dataset
 
 TIMES = 0.1 * np.arange(24)
 LIMIT = np.deg2rad(85)
@@ -597,6 +598,8 @@ def test_a_batch_is_not_taken_for_one_glide(mixed):
     np.testing.assert_array_equal(mixed.sample_times(3)[:, -1], mixed.time)
     with pytest.raises(ValueError, match=r"holds glides of shape \(10,\): take one"):
         reconstruct(mixed, [0.1])
+    with pytest.raises(ValueError, match=r"holds glides of shape \(10,\): take one"):
+        glide_dataset(mixed)
 
 
 def test_a_batch_prints_a_summary(mixed):

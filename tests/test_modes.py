@@ -11,9 +11,9 @@ import pytest
 from jaxglide._modes import either_mode
 
 
-def end_of_decay(start, rates, adjoint):
+def end_of_decay(start, rates, adjoint, unit=1.0):
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(lambda t, y, rates: -rates * y),
+        diffrax.ODETerm(lambda t, y, rates: -rates * y * unit),
         diffrax.Dopri5(),
         0.0,
         1.0,
@@ -26,9 +26,9 @@ def end_of_decay(start, rates, adjoint):
 
 
 @either_mode
-def decay(start, rates, *, adjoint):
+def decay(start, rates, *, adjoint, unit=1.0):
     """start exp(-rate) for each rate, (n,), multiples of it, and a whole number."""
-    end, steps = end_of_decay(start, rates, adjoint)
+    end, steps = end_of_decay(start, rates, adjoint, unit)
     return {"end": end, "more": jnp.outer(end, jnp.arange(4.0)), "steps": steps}
 
 
@@ -83,6 +83,13 @@ def test_mixed_derivatives_by_what_is_perturbed_apart():
 
 def total_of_rate(rate):
     return jnp.sum(decay(1.0, rate[None])["end"])
+
+
+def test_what_is_not_differentiated_may_be_traced():
+    def end(rate, unit):
+        return jax.jit(lambda unit: jnp.sum(decay(1.0, rate[None], unit=unit)["end"]))(unit)
+
+    assert float(jax.grad(jax.grad(end))(0.3, 2.0)) == pytest.approx(4 * np.exp(-0.6), rel=1e-9)
 
 
 def test_one_number_of_many_is_differentiated_in_reverse():

@@ -841,3 +841,20 @@ def test_failed_glides_are_not_the_farthest(capsys, monkeypatch):
     told = capsys.readouterr().out
     assert "farthest forward   none: no glide was computed to its end" in told
     assert "nan" not in told
+
+
+def test_a_study_larger_than_memory_makes_no_store(tmp_path):
+    """Nothing is allocated for it, nor made."""
+    times = np.linspace(0, 10, 20_000)
+    large = Study({"nu_theta": np.linspace(1, 1.5, 10**6)}, times=times)
+    with pytest.raises(StoreError, match=r"the study holds .* GB: more than half"):
+        sweep(large, tmp_path / "s.zarr", progress=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_current_folder_is_not_made_a_store(study, tmp_path, monkeypatch):
+    """It would be taken away under those who stand in it."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StoreError, match="is the current folder"):
+        sweep(study, ".", progress=False)
+    assert not list(tmp_path.iterdir())

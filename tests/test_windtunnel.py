@@ -110,6 +110,19 @@ def held(glider):
     return fallen, loads_along(fallen, 12), loads_at_end(fallen, 12)
 
 
+def test_loads_are_of_one_held_glide(held):
+    fallen = held[0]
+    several = jax.tree.map(lambda x: jnp.stack([x, x]) if eqx.is_array(x) else x, fallen)
+    for read in (loads_along, loads_at_end):
+        for phases in (1, 3, 10**6, 12.0):
+            with pytest.raises((ValueError, TypeError), match=f"^phases = {phases} is not"):
+                read(fallen, phases)
+        with pytest.raises(TypeError, match="fallen must be of type Fall, not None"):
+            read(None)
+        with pytest.raises(ValueError, match=r"fallen has shape \(2,\): it must be one"):
+            read(several)
+
+
 def test_records_and_end_are_one_trajectory(held):
     """Central differences of the recorded positions are the recorded velocities."""
     fallen, *_ = held

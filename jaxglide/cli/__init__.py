@@ -105,6 +105,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         said = f"{where}{error.strerror}" if error.strerror else str(error)
         print(f"jaxglide: {_short(said)}", file=sys.stderr)
         return 1
+    except MemoryError as error:
+        print(f"jaxglide: not enough memory: {_short(str(error))}", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         print("jaxglide: interrupted", file=sys.stderr)
         return 1

@@ -295,7 +295,7 @@ def _suffix(path: Path | None, option: str, allowed: tuple[str, ...]) -> None:
         raise UsageError(f"{option} {path}: the name must end in {' or '.join(allowed)}")
 
 
-_OUTPUTS = ("save", "plot", "out", "log", "store", "plots")
+_OUTPUTS = ("store", "save", "plot", "out", "log", "plots")
 
 
 def check_output(args) -> None:
@@ -306,13 +306,21 @@ def check_output(args) -> None:
     writable(args.save, getattr(args, "log", None), *drawn)
     given = [(f"--{name}", getattr(args, name, None)) for name in _OUTPUTS if name != "plot"]
     given += [("--plot", path) for path in drawn]
-    options: dict[str, str] = {}
+    options: dict[Path, str] = {}
     for option, path in given:
         if path is None:
             continue
-        other = options.setdefault(os.path.realpath(path), option)
-        if other != option:
-            raise UsageError(f"{other} and {option} both name {path}")
+        place = Path(os.path.realpath(path))
+        for other, taken in options.items():
+            if other == place and taken != option:
+                raise UsageError(f"{taken} and {option} both name {path}")
+            if taken == "--store" and place.is_relative_to(other):
+                raise UsageError(f"{option} {path} lies in the folder of --store")
+        options[place] = option
+    for name in ("file", "data"):
+        read = getattr(args, name, None)
+        if read is not None and (place := Path(os.path.realpath(read))) in options:
+            raise UsageError(f"{options[place]} {read} is the file to be read")
 
 
 def drawn_files(args) -> list[Path]:

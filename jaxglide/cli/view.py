@@ -64,6 +64,8 @@ def _changes(args) -> list[tuple[str, float]]:
             changes.append((name, float(value)))
         except ValueError:
             raise UsageError(f"--compare {text!r} is not NAME=VALUE") from None
+        if changes.count(changes[-1]) > 1:
+            raise UsageError(f"--compare {text} is given twice")
     return changes
 
 

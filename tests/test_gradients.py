@@ -225,6 +225,21 @@ def test_second_derivatives_exist(fixed):
 
 
 @pytest.mark.slow
+def test_second_derivatives_with_steps_of_the_controller():
+    snake = Snake.from_svl(nodes=40, node_set="gauss")
+    glider = Glider(snake, Gait.from_degrees(), Polar.smooth())
+
+    def distance(height):
+        launch = Launch(height, 1.7, phi_theta=0.3, angles=(0.0, 0.0, 0.0))
+        return simulate(glider, launch, rtol=1e-9, atol=1e-9).landing_point[1]
+
+    slope, h = jax.jit(jax.grad(distance)), 1e-4
+    difference = (slope(0.4 + h) - slope(0.4 - h)) / (2 * h)
+    for twice in (jax.grad(jax.grad(distance)), jax.jacfwd(jax.jacfwd(distance))):
+        assert float(twice(0.4)) == pytest.approx(float(difference), rel=1e-4)
+
+
+@pytest.mark.slow
 def test_published_polar_is_only_piecewise_smooth():
     """Its gradient differs from differences by more than the smooth polar's: see README."""
 

@@ -414,6 +414,7 @@ BAD_STUDIES = {
     "vent": ("markers/Marker-summary_100_7.csv", "vent", "body", r"100_7\.csv: no 'vent'"),
     "length": ("markers/Marker-summary_100_7.csv", ",620", ",62", r"100_7\.csv: 'Dist .*unit"),
     "density": ("snake_density.csv", "density (", "(", r"snake_density\.csv: column 'density"),
+    "arc": ("snake_density.csv", "2,2.0", "2,0.9", r"snake_density\.csv: the density's arc"),
 }
 
 

@@ -1,5 +1,7 @@
 """Recordings that hold what no flight can: named by file, frame and marker."""
 
+import re
+
 import numpy as np
 import pytest
 from test_measured import PLACES, cut, swimming, write_study, write_tabular
@@ -34,6 +36,46 @@ def all_lost_at(place):
     return change
 
 
+def moved_in_frame(frame, off, marker=4):
+    """A spike: some frames' places are off sideways [m]."""
+
+    def change(markers):
+        markers[frame, marker, 0] += off
+        return markers
+
+    return change
+
+
+def frozen(*of):
+    """Markers that stay from the middle of the flight on where they were last seen."""
+
+    def change(markers):
+        markers[120:, of] = markers[119, of]
+        return markers
+
+    return change
+
+
+def held_in_a_gap(markers):
+    """Lost for 8 frames, in one of which the last place is written again."""
+    markers[60:67, 3] = np.nan
+    markers[66] = markers[59]
+    return markers
+
+
+def bent_to_the(side, degrees):
+    """The flight, its path turned off forward without the body."""
+
+    def change(markers):
+        forward = 2 * np.arange(len(markers)) / 179
+        tilt = np.deg2rad(degrees)
+        path = np.column_stack([side * np.sin(tilt) * forward, (np.cos(tilt) - 1) * forward])
+        markers[..., :2] += path[:, None]
+        return markers
+
+    return change
+
+
 def turned(*order, signs=(1, 1, 1)):
     return lambda markers: markers[..., list(order)] * signs
 
@@ -55,10 +97,58 @@ PLACES_OF_NO_FLIGHT = {
     "y up": (turned(0, 2, 1, signs=(1, 1, -1)), r"moves 6\.\d+ m backwards .* as 'm01_y'"),
     "z down": (turned(0, 1, 2, signs=(1, 1, -1)), r"moves 6\.\d+ m upwards from .* as 'm01_z'"),
     "at rest": (
-        lambda m: np.broadcast_to(m[:1], m.shape),
+        lambda m: m[:1] + 1e-4 * np.random.default_rng(0).normal(size=m.shape),
         "the body is at rest: .* 0.5 to 30 m/s",
     ),
+    "exactly at rest": (
+        lambda m: np.broadcast_to(m[:1], m.shape),
+        r"marker 1 .* is at exactly the same place from frame 1 to frame 240, as some",
+    ),
+    "all frozen": (
+        frozen(*range(11)),
+        r"marker 1 .* is at exactly the same place from frame 120 to frame 240, as some",
+    ),
+    "one frozen": (
+        frozen(6),
+        r"marker 7 \(columns 'm07_x' to 'm07_z'\) is at exactly the same place from frame 120",
+    ),
+    "held in a gap": (
+        held_in_a_gap,
+        r"marker 4 .* same place from frame 60 to frame 67, as some .* leave it empty or write",
+    ),
+    "small spike": (
+        moved_in_frame(49, 0.12),
+        r"marker 5 .* in frame 50 is 0\.1[12]\d* m from the middle of its places in frames 49 "
+        r"and 51, more than 0\.0899 m",
+    ),
+    "spike of two frames": (
+        moved_in_frame(slice(49, 51), 0.12),
+        r"marker 5 .* in frame 5[01] is 0\.1[12]\d* m from the middle of its places in frames "
+        r"4[89] and 5[23], more than 0\.1054 m",
+    ),
+    "spike at the end": (
+        moved_in_frame(-1, 0.19, 10),
+        r"marker 11 .* in frame 239 is .* places in frames 238 and 240",
+    ),
+    "x and y exchanged": (turned(1, 0, 2), r"2\.6\d* m to the right .*'m01_x', 89\.8 degrees"),
+    "x and -y exchanged": (turned(1, 0, 2, signs=(-1, 1, 1)), r"to the left .* y forward"),
+    "75 to the left": (bent_to_the(-1, 75), r"to the left from .* 75(\.\d)? degrees off .* 70"),
 }
+
+
+POSSIBLE = {
+    "as it is": lambda markers: markers,
+    "in whole millimetres": lambda markers: markers.round(3),
+    "held for 5 frames": lambda m: np.concatenate([m[:100], m[[99] * 5], m[105:]]),
+    "65 to the right": bent_to_the(1, 65),
+    "off by 0.08 m": moved_in_frame(49, 0.08),
+    "steeply down": lambda m: m - [0, 1.8, 0] * np.arange(len(m))[:, None, None] / 179,
+}
+
+
+@pytest.mark.parametrize("case", POSSIBLE)
+def test_places_of_a_flight_are_accepted(tmp_path, whole, case):
+    assert measured.read_tabular(write_tabular(tmp_path, POSSIBLE[case](whole.copy())))
 
 
 @pytest.mark.parametrize("case", PLACES_OF_NO_FLIGHT)
@@ -153,6 +243,12 @@ BODIES = {
     "half a marker": ({"vent": "3.5"}, r"vent = 3\.5 is not a whole number"),
     "infinite": ({"mass": "inf"}, "mass is inf, not a positive number"),
     "deep": ({"density": "[" * 9999}, "not a TOML file: it is nested too deeply"),
+    "no density": ({"density": "[]"}, r"density = \[\] is not allowed: at least two rows"),
+    "one row": ({"density": "[[0, 1]]"}, r"density = \[\[0\.0, 1\.0\]\] is not .* two rows"),
+    "singles": ({"density": "[[0]]"}, r"density\[0\] = \[0\] is not allowed: .*; pairs of arc"),
+    "NUL": ({"snake": r'"\u0000x"'}, r"snake = '\\x00x' is not allowed: '\\x00' cannot stand"),
+    "escape": ({"snake": r'"a\u001b[2J"'}, r"snake = 'a\\x1b\[2J' is not allowed: '\\x1b'"),
+    "two lines": ({"snake": r'"a\nb"'}, r"snake = 'a\\nb' is not allowed: '\\n' cannot"),
     "triples": ({"density": "[[0, 1, 2]]"}, r"density\[0\] = \[0, 1, 2\] is not allowed"),
 }
 
@@ -162,6 +258,16 @@ def test_bodies_that_cannot_be_are_named(tmp_path, whole, case):
     changes, message = BODIES[case]
     with pytest.raises(measured.RecordingError, match=rf"one\.toml: {message}"):
         measured.read_tabular(write_tabular(tmp_path, whole, **changes))
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\x7f", "\udce9"])
+def test_names_of_files_that_cannot_be_written_are_said(tmp_path, whole, name):
+    write_tabular(tmp_path, whole)
+    for ending in (".csv", ".toml"):
+        (tmp_path / f"one{ending}").rename(tmp_path / f"{name}{ending}")
+    told = re.escape(f"{tmp_path}: file = {name + '.csv'!r} is not allowed: ")
+    with pytest.raises(measured.RecordingError, match=told):
+        measured.measure_folder(tmp_path)
 
 
 def test_two_recordings_of_one_trial_are_asked_for(tmp_path, whole):

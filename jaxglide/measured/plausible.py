@@ -2,7 +2,8 @@
 
 The bounds leave room for every recording of the published study, whose neighbouring markers
 are up to 0.24 SVL farther apart than the tape between them, whose markers move at up to
-19 m/s from one frame to the next, and whose flights fall 5 to 8 m at 6 to 7 m/s.
+19 m/s from one frame to the next and are never twice at exactly the same place, and whose
+flights fall 5 to 8 m at 6 to 7 m/s, up to 53 degrees to the left or right of forward.
 """
 
 from typing import TYPE_CHECKING
@@ -19,15 +20,25 @@ SLACK = 1 / 3
 much a marker can be misplaced between two frames, over SVL."""
 FASTEST = 40.0
 """Highest speed of a marker from one frame to the next [m/s]."""
+STILL = 0.03
+"""Longest time at exactly the same place [s]: in free fall a marker that turns there leaves
+the millimetre to which its place may be rounded."""
+SPIKES = {1: 0.145, 2: 0.17}
+"""How far a marker can be from the middle of its places some frames before and after, over
+SVL, by that number of frames; 0.070 and 0.084 in the study's recordings."""
 SPEEDS = (0.5, 30.0)
 """Lowest and highest mean speed of a flight [m/s]."""
 BACKWARDS = 0.5
-"""How far a flight can end above, or behind, its start [m]."""
+"""How far a flight can end above, behind or, past `HEADING`, beside its start [m]."""
+HEADING = 70.0
+"""Largest angle of a flight to the left or right of forward [deg]."""
+
+_AXES = "x must point to the right, y forward, z up"
 
 
 def problem(recording: "Recording") -> str | None:
     """What cannot be in a recording, in words, with frame and marker; None if all can."""
-    for check in (_zeros, _far, _chords, _jumps, _flight):
+    for check in (_zeros, _far, _still, _chords, _jumps, _spikes, _flight):
         if found := check(recording):
             return found
     return None
@@ -66,6 +77,25 @@ def _far(recording: "Recording") -> str | None:
     )
 
 
+def _still(recording: "Recording") -> str | None:
+    """Whether a tracker wrote the last place of a marker on and on."""
+    for marker, places in enumerate(recording.markers.swapaxes(0, 1)):
+        seen = np.flatnonzero(np.isfinite(places).all(axis=-1))
+        if not seen.size:
+            continue
+        moves = np.diff(places[seen], axis=0).any(axis=-1)
+        bounds = np.concatenate([[0], np.flatnonzero(moves) + 1, [len(seen)]])
+        first, last = seen[bounds[:-1]], seen[bounds[1:] - 1]
+        worst = int(np.argmax(last - first))
+        if last[worst] - first[worst] > STILL * recording.rate:
+            return (
+                f"{_marker(recording, marker)} is at exactly the same place from frame "
+                f"{first[worst] + 1} to frame {last[worst] + 1}, as some programs write a "
+                "marker that was lost: leave it empty or write NA"
+            )
+    return None
+
+
 def _chords(recording: "Recording") -> str | None:
     markers, body = recording.markers, recording.body
     apart = np.linalg.norm(np.diff(markers, axis=1), axis=-1)
@@ -99,6 +129,23 @@ def _jumps(recording: "Recording") -> str | None:
     return None
 
 
+def _spikes(recording: "Recording") -> str | None:
+    markers = recording.markers
+    for step, share in SPIKES.items():
+        middle = (markers[: -2 * step] + markers[2 * step :]) / 2
+        off = np.nan_to_num(np.linalg.norm(markers[step:-step] - middle, axis=-1))
+        bound = share * recording.body.svl
+        if off.max(initial=0) > bound:
+            before, marker = np.unravel_index(np.argmax(off), off.shape)
+            return (
+                f"{_marker(recording, int(marker))} in frame {before + step + 1} is "
+                f"{_length(recording, off[before, marker])} from the middle of its places in "
+                f"frames {before + 1} and {before + 2 * step + 1}, more than "
+                f"{_length(recording, bound)}"
+            )
+    return None
+
+
 def _flight(recording: "Recording") -> str | None:
     """Whether the body falls forward, at the speed of a flight."""
     whole = np.flatnonzero(np.isfinite(recording.markers).all(axis=(1, 2)))
@@ -114,11 +161,19 @@ def _flight(recording: "Recording") -> str | None:
             f"{rest}the markers move at {speed:.3g} m/s {between}, where a flight has "
             f"{SPEEDS[0]:g} to {SPEEDS[1]:g} m/s: check the unit of the times"
         )
-    _, y, z = recording.columns[:3]
+    x, y, z = recording.columns[:3]
     for column, moved, wrong in ((y, -way[1], "backwards"), (z, way[2], "upwards")):
         if moved > BACKWARDS:
             return (
                 f"the body moves {_length(recording, moved)} {wrong} {between} by columns such "
-                f"as {column!r}: x must point to the right, y forward, z up"
+                f"as {column!r}: {_AXES}"
             )
+    heading = float(np.rad2deg(np.arctan2(abs(way[0]), way[1])))
+    if abs(way[0]) > BACKWARDS and heading > HEADING:
+        side = "right" if way[0] > 0 else "left"
+        return (
+            f"the body moves {_length(recording, abs(way[0]))} to the {side} {between} by "
+            f"columns such as {x!r}, {heading:.3g} degrees off forward, where a flight has "
+            f"{HEADING:g} at most: {_AXES}"
+        )
     return None

@@ -1,10 +1,12 @@
 """A recording of markers on a body, and the checks that every recording must pass."""
 
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from .._documents import shown
 from .plausible import problem
 
 MINIMUM_MARKERS = 5
@@ -13,6 +15,9 @@ LENGTHS = (0.1, 1.5)
 """Shortest and longest snout-vent length [m]."""
 STOUTNESS = (0.03, 10.0)
 """Lowest and highest mass over the cube of SVL [kg/m^3]; the study's snakes: 0.10 to 0.35."""
+
+_NOT_IN_NAMES = ("Cc", "Cs", "Zl", "Zp")
+"""Unicode's control characters, halves of characters, and ends of lines and paragraphs."""
 
 
 class RecordingError(ValueError):
@@ -34,6 +39,7 @@ class Body:
         density: rows of (arc length / SVL, relative linear density), tail included, (k, 2).
         source: the file that says so.
         column: the name there of `tape`.
+        table: the file that gives `density`, if another.
     """
 
     snake: str
@@ -45,6 +51,7 @@ class Body:
     density: np.ndarray
     source: Path
     column: str
+    table: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,8 @@ class Recording:
 
     Raises:
         RecordingError: wrong number of markers, a marker never seen, too few frames,
-            lengths that cannot be in the stated unit, places that no flight has.
+            lengths that cannot be in the stated unit, places that no flight has, a name that
+            cannot be written.
     """
 
     trial: str
@@ -76,8 +84,26 @@ class Recording:
     scale: float = 1.0
 
     def __post_init__(self):
+        _check_names(self)
         _check_body(self.body)
+        _check_density(self.body)
         _check_markers(self)
+
+
+def _check_names(recording: Recording) -> None:
+    """Refuse control characters, line ends and bytes that are no text: names are written."""
+    source, body = recording.source, recording.body
+    for place, entry, name in (
+        (source.parent, "file", source.name),
+        (source, "trial", recording.trial),
+        (body.source, "snake", body.snake),
+    ):
+        wrong = next((c for c in name if unicodedata.category(c) in _NOT_IN_NAMES), None)
+        if wrong is not None:
+            raise RecordingError(
+                f"{place}: {entry} = {shown(name)} is not allowed: {wrong!r} cannot stand in a "
+                "name"
+            )
 
 
 def _check_body(body: Body) -> None:
@@ -114,13 +140,22 @@ def _check_body(body: Body) -> None:
             f"{body.source}: mass = {body.mass:g} kg does not go with svl = "
             f"{body.svl_mean:g} m, where {low:.2g} to {high:.2g} kg may be: check their units"
         )
-    along, weight = body.density.T
+
+
+def _check_density(body: Body) -> None:
+    source, table = body.table or body.source, body.density
+    if table.ndim != 2 or table.shape[1] != 2 or len(table) < 2:
+        raise RecordingError(
+            f"{source}: density = {shown(table.tolist())} is not allowed: at least two rows "
+            "are needed, each of arc length / SVL and relative density"
+        )
+    along, weight = table.T
     if not (0 <= along[0] < 0.1 and 1 <= along[-1] < 3 and (np.diff(along) > 0).all()):
         raise RecordingError(
-            f"{body.source}: the density's arc length must rise from 0 past the vent at 1"
+            f"{source}: the density's arc length must rise from 0 past the vent at 1"
         )
     if not (np.isfinite(weight).all() and (weight > 0).all()):
-        raise RecordingError(f"{body.source}: a density is not positive")
+        raise RecordingError(f"{source}: a density is not positive")
 
 
 def _check_markers(recording: Recording) -> None:

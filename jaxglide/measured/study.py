@@ -92,7 +92,7 @@ def _body(folder: Path, trial: str, snake: str) -> Body:
     table = folder / "snake_density.csv"
     density = numbers(read_rows(table), (_ALONG, _DENSITY), table)
     svl = float(numbers(rows, (_SVL,), source, MM)[0, 0])
-    return Body(snake, mass, svl, svl_mean, tape, vent, density, source, _TAPE)
+    return Body(snake, mass, svl, svl_mean, tape, vent, density, source, _TAPE, table)
 
 
 def read_study(folder: Path, trial: str) -> Recording:

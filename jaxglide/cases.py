@@ -24,8 +24,9 @@ def check_parameters(values: Mapping[str, Any]) -> None:
             known = ", ".join(PARAMETERS)
             raise ValueError(f"there is no parameter {name!r}: known are {known}")
         p = PARAMETERS[name]
-        ends = {"low_open": p.low_open, "high_open": p.high_open}
-        check_range(name, value, p.unit, p.low, p.high, **ends)
+        check_range(
+            name, value, p.unit, p.low, p.high, low_open=p.low_open, high_open=p.high_open
+        )
 
 
 def check_setup(setup: Mapping[str, Any]) -> dict[str, Any]:

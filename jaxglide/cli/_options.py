@@ -137,8 +137,9 @@ def check_number(option: str, value: float, p: Parameter) -> float:
     if isinstance(value, int):
         check_integer(option, value, int(p.low), int(p.high))
     else:
-        ends = {"low_open": p.low_open, "high_open": p.high_open}
-        check_range(option, value, p.unit, p.low, p.high, **ends)
+        check_range(
+            option, value, p.unit, p.low, p.high, low_open=p.low_open, high_open=p.high_open
+        )
     return value
 
 

@@ -25,7 +25,7 @@ from .aerodynamics import Aerodynamics, element_forces
 from .attitude import angle_rates, rotation_matrix
 from .environment import Environment
 from .gait import Gait
-from .inertia import inertia_tensor, over_nodes, section_moment
+from .inertia import inertia_tensor, moment_of, over_nodes, section_moment
 from .kinematics import Backbone, backbone, wave_phase
 from .polar import Polar
 from .snake import Sections, Snake
@@ -61,14 +61,12 @@ class Glider(eqx.Module):
         check_kind("gait", self.gait, Gait).__check_init__()
         check_kind("polar", self.polar, Polar).__check_init__()
         check_kind("environment", self.environment, Environment).__check_init__()
-        gyration = self.snake.gyration
-        if is_traced(gyration) or float(gyration) > 0:
-            return
         bends = [getattr(self.gait, n) for n in ("theta_m", "psi_m", "d_psi", "d_theta")]
-        if not any(is_traced(bend) or float(bend) for bend in bends):
+        if self.snake.gyration is None and not any(is_traced(b) or float(b) for b in bends):
             raise ValueError(
-                "gyration = 0 is not allowed of a straight body (theta_m, psi_m, d_psi and "
-                "d_theta all 0): it has no inertia about its own axis"
+                "gyration = None is not allowed of a straight body (theta_m, psi_m, d_psi and "
+                "d_theta all 0): with all mass on the backbone it has no inertia about its own "
+                "axis; a flat ellipse has a gyration of 0.25 chords"
             )
 
 
@@ -157,8 +155,9 @@ def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
     weight = jnp.stack([0.0 * glider.environment.gravity] * 2 + [glider.environment.gravity])
     acceleration = force_I / glider.snake.mass - weight
     effective = now.aerodynamics.force - sections.mass * now.relative_acceleration
-    moments = cross(now.body.position, effective)
-    moment = over_nodes(moments - section_moment(sections, now.body, state[OMEGA]))
+    moment = moment_of(now.body.position, effective)
+    if sections.axial_inertia is not None:
+        moment = moment - section_moment(sections, now.body, state[OMEGA])
     omega_dot = solve3(inertia_tensor(sections, now.body), moment)
     velocity = state[VELOCITY]
     path_rate = safe_sqrt(velocity[0] ** 2 + velocity[1] ** 2)

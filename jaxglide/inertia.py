@@ -1,8 +1,8 @@
 """Inertia of the moving body about its centre of mass (in eqs 16-20).
 
-Every element has its mass on the backbone and, small beside it, the inertia of its section:
-that of two half masses a radius of gyration either side of the backbone, along the chord. The
-equations of motion of such points hold for them too, so that nothing else changes.
+Every element has its mass on the backbone, as published, or, where the snake has a `gyration`,
+in two halves a radius of gyration either side of it, along the chord. The equations of motion
+hold for such points too, so that nothing else changes.
 """
 
 from typing import NamedTuple
@@ -33,12 +33,15 @@ class Inertia(NamedTuple):
 
 def inertia_tensor(sections: Sections, body: Backbone) -> Mat3:
     """Inertia tensor sum m (|r|^2 1 - r r^T) [kg m^2], (3, 3)."""
-    (x, y, z), (c_x, c_y, _) = body.position, body.chord
+    x, y, z = body.position
     mx, my, mz = sections.mass * x, sections.mass * y, sections.mass * z
-    about_x, about_y = sections.axial_inertia * c_x, sections.axial_inertia * c_y
-    xx, yy = jnp.sum(mx * x + about_x * c_x), jnp.sum(my * y + about_y * c_y)
-    xy, zz = jnp.sum(mx * y + about_x * c_y), jnp.sum(mz * z)
-    xz, yz = jnp.sum(mx * z), jnp.sum(my * z)
+    products = [mx * x, my * y, mx * y, mz * z, mx * z, my * z]
+    if sections.axial_inertia is not None:
+        c_x, c_y, _ = body.chord
+        across = c_x * c_x, c_y * c_y, c_x * c_y
+        for i, share in enumerate(across):
+            products[i] = products[i] + sections.axial_inertia * share
+    xx, yy, xy, zz, xz, yz = (jnp.sum(product) for product in products)
     return jnp.stack(
         [
             jnp.stack([yy + zz, -xy, -xz]),
@@ -61,17 +64,21 @@ def moment_of(position: Nodes3, vectors: Nodes3) -> Vec3:
 def angular_momentum(sections: Sections, body: Backbone) -> Vec3:
     """Angular momentum of the shape change, sum m r x r' [kg m^2/s], (3,)."""
     momentum = moment_of(body.position, sections.mass * body.velocity)
+    if sections.axial_inertia is None:
+        return momentum
     return momentum.at[2].add(jnp.sum(sections.axial_inertia * body.turning))
 
 
 def shape_moment(sections: Sections, body: Backbone) -> Nodes3:
     """Rate of every element's share of that momentum, m r x r'' [N m], (3, n)."""
     moment = cross(body.position, sections.mass * body.acceleration)
+    if sections.axial_inertia is None:
+        return moment
     return moment.at[2].add(sections.axial_inertia * body.turning_rate)
 
 
-def section_moment(sections: Sections, body: Backbone, omega_B: Vec3) -> Nodes3:
-    """Moment that turning its section with the body takes of every element [N m], (3, n).
+def section_moment(sections: Sections, body: Backbone, omega_B: Vec3) -> Vec3:
+    """Moment that turning the sections with the body takes [N m], (3,).
 
     For points at +-d c it is m d^2 c x (c'' + 2 omega x c' + omega x (omega x c)), without
     the term in omega'; c' = w z x c with w the chord's rate of turning.
@@ -80,15 +87,16 @@ def section_moment(sections: Sections, body: Backbone, omega_B: Vec3) -> Nodes3:
     about_chord = omega_B[0] * c_x + omega_B[1] * c_y
     tilt = about_chord * (2 * body.turning + omega_B[2])
     turn = body.turning_rate + about_chord * (c_x * omega_B[1] - c_y * omega_B[0])
-    return sections.axial_inertia * jnp.stack([tilt * c_y, -tilt * c_x, turn])
+    return over_nodes(sections.axial_inertia * jnp.stack([tilt * c_y, -tilt * c_x, turn]))
 
 
 def inertia(sections: Sections, body: Backbone) -> Inertia:
     """All inertial properties of the body at one instant."""
     mass, r, v = sections.mass, body.position, body.velocity
     outer = (mass * r) @ v.T
-    chord_rate = body.turning * cross(jnp.array([0.0, 0.0, 1.0]), body.chord)
-    outer = outer + (sections.axial_inertia * body.chord) @ chord_rate.T
+    if sections.axial_inertia is not None:
+        chord_rate = body.turning * cross(jnp.array([0.0, 0.0, 1.0]), body.chord)
+        outer = outer + (sections.axial_inertia * body.chord) @ chord_rate.T
     symmetric = outer + outer.T
     return Inertia(
         tensor=inertia_tensor(sections, body),

@@ -168,7 +168,8 @@ def _settings(glide: Glide) -> dict[str, Any]:
     """Names, counts, tolerances and coefficients that went into a glide."""
     snake, settings = glide.glider.snake, glide.settings
     degree = glide.glider.polar.cells.shape[-1] - 1
-    coefficients = ("chord", "head_density", "body_density")
+    coefficients = ["chord", "head_density", "body_density"]
+    coefficients += [] if snake.gyration is None else ["gyration"]
     return {
         "nodes": snake.nodes,
         "node_set": snake.node_set,

@@ -19,6 +19,7 @@ from ._checks import (
     check_shapes,
     is_traced,
     number,
+    optional_number,
 )
 from ._types import Array, Float, Nodes, NodesNodes, Scalar
 from .parameters import PUBLISHED_NECK
@@ -30,8 +31,7 @@ _CHORD = (0.51220022, 0.02895101, -4.88957129)
 _HEAD_DENSITY = (0.01661771, 1.36099325, -0.00012991)
 _BODY_DENSITY = (0.52583598, 1.11461374, -0.10778636)
 _HEAD_END = 0.037
-_GYRATION = 1e-3
-_LEAST_GYRATION = 1e-5
+_LEAST_GYRATION = 1e-5  # below it the inertia would be round-off
 
 
 class Snake(eqx.Module):
@@ -47,10 +47,10 @@ class Snake(eqx.Module):
         head_density, body_density: the same for the linear mass density, up to a factor
             that `mass` fixes, before and after `head_fraction`, shape (3,).
         head_fraction: where the density changes from head to body, fraction of L.
-        gyration: radius of gyration of a section about the body's own axis, in chords, 0 to
-            1. The published model has 0: all mass on the backbone, and no inertia that could
-            turn a straight body about itself. The default is too little to move a published
-            figure and enough for a straight body to fly; a flat ellipse has 0.25.
+        gyration: radius of gyration of a section about the body's own axis, in chords, above
+            0 to 1; a flat ellipse has 0.25. By default None, as published: all mass lies on
+            the backbone, and a straight body, which then has no inertia that could turn it
+            about itself, is refused. It costs a third more time.
         nodes: number of nodes, 8 to 2000 (static).
         node_set: "published" (midpoints and trapezoid rule, for comparison with the
             paper) or "gauss" (Gauss-Legendre on three panels, converges fast; static).
@@ -74,7 +74,9 @@ class Snake(eqx.Module):
         converter=number("body_density"), default=_BODY_DENSITY
     )
     head_fraction: Scalar = eqx.field(converter=number("head_fraction"), default=_HEAD_END)
-    gyration: Scalar = eqx.field(converter=number("gyration"), default=_GYRATION, kw_only=True)
+    gyration: Scalar | None = eqx.field(
+        converter=optional_number("gyration"), default=None, kw_only=True
+    )
     nodes: int = eqx.field(static=True, default=70)
     node_set: NodeSet = eqx.field(static=True, default="published")
     spacing: float | None = eqx.field(static=True, default=None)
@@ -89,12 +91,8 @@ class Snake(eqx.Module):
         check_range(
             "head_fraction", self.head_fraction, "of SVL", 0, 0.5, low_open=True, high_open=True
         )
-        check_range("gyration", self.gyration, "chords", 0, 1)
-        if not is_traced(self.gyration) and 0 < float(self.gyration) < _LEAST_GYRATION:
-            raise ValueError(
-                f"gyration = {self.gyration:g} chords is not allowed: it must be 0, or "
-                f"{_LEAST_GYRATION:g} at least for the inertia to be more than round-off"
-            )
+        if self.gyration is not None:
+            check_range("gyration", self.gyration, "chords", _LEAST_GYRATION, 1)
         self._check_profiles()
         check_integer("nodes", self.nodes, 8, 2000)
         check_choice("node_set", self.node_set, ("published", "gauss"))
@@ -164,7 +162,7 @@ class Sections(eqx.Module):
         chord: chord [m], (n,).
         area: planform area of the element [m^2], (n,).
         mass: mass of the element [kg], (n,).
-        axial_inertia: inertia of the element about the body's own axis [kg m^2], (n,).
+        axial_inertia: inertia of the element about the body's own axis [kg m^2], (n,), or None.
         integral: matrix that integrates along the body a field given at the nodes and
             removes the mass-weighted mean of the result [m], (n, n); the result at node i
             is `sum_j field_j integral[j, i]`.
@@ -174,7 +172,7 @@ class Sections(eqx.Module):
     chord: Nodes
     area: Nodes
     mass: Nodes
-    axial_inertia: Nodes
+    axial_inertia: Nodes | None
     integral: NodesNodes
 
 
@@ -250,12 +248,15 @@ def discretise(snake: Snake) -> Sections:
     share = density * weight / jnp.sum(density * weight)
     chord = snake.length * _parabola(jnp.where(weight > 0, fraction, 1.0), snake.chord)
     centred = cumulative - share @ cumulative
+    axial = None
+    if snake.gyration is not None:
+        axial = snake.mass * share * (snake.gyration * chord) ** 2
     return Sections(
         fraction=fraction,
         chord=chord,
         area=chord * weight * snake.length,
         mass=snake.mass * share,
-        axial_inertia=snake.mass * share * (snake.gyration * chord) ** 2,
+        axial_inertia=axial,
         integral=snake.length * centred.T,
     )
 

@@ -145,8 +145,8 @@ def test_nodes_beyond_the_body_weigh_nothing():
 
 
 def test_spacing_sets_the_published_grid():
-    by_count = discretise(Snake.from_svl(0.70))
-    by_spacing = discretise(Snake.from_svl(0.70, spacing=0.01))
+    by_count = discretise(Snake.from_svl(0.70, gyration=0.25))
+    by_spacing = discretise(Snake.from_svl(0.70, gyration=0.25, spacing=0.01))
     for name, value in vars(by_count).items():
         np.testing.assert_allclose(getattr(by_spacing, name), value, rtol=1e-13, atol=1e-17)
     # At other lengths the published grid's last node may pass the vent.

@@ -83,6 +83,7 @@ def section_moment(sections: Sections, body: Backbone, omega_B: Vec3) -> Vec3:
     For points at +-d c it is m d^2 c x (c'' + 2 omega x c' + omega x (omega x c)), without
     the term in omega'; c' = w z x c with w the chord's rate of turning.
     """
+    assert sections.axial_inertia is not None
     c_x, c_y, _ = body.chord
     about_chord = omega_B[0] * c_x + omega_B[1] * c_y
     tilt = about_chord * (2 * body.turning + omega_B[2])

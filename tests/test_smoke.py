@@ -53,7 +53,8 @@ def test_sweep(folder):
 
 def test_optimise(folder):
     line = "optimise --starts 2 --screen 4 --steps 2 --polish 1 --fix height=1 --margin none "
-    line += "--clearance none --optimiser lbfgs --log best.jsonl --save best.nc --plot best.png --json"
+    line += "--clearance none --optimiser lbfgs --log best.jsonl --save best.nc --json "
+    line += "--plot best.png"
     found = json.loads(run(folder, line))
     assert found["feasible"]
     assert found["value"] > 0.5

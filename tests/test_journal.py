@@ -1,9 +1,7 @@
 """The log of an optimisation: what it keeps, what it refuses, who may write it."""
 
-import contextlib
 import itertools
 import os
-import resource
 import subprocess
 import sys
 
@@ -175,28 +173,17 @@ def test_an_answer_to_another_question_is_refused(log):
             Journal(log, ASKED).recall(starts, other)
 
 
-@contextlib.contextmanager
-def files_up_to(size):
-    """No file can grow beyond so many bytes: what a full disk does."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def test_a_full_disk_is_said_and_the_log_stays_usable(log, tmp_path):
+def test_a_full_disk_is_said_and_the_log_stays_usable(log, tmp_path, disk_of):
     journal, size = Journal(log, ASKED), log.stat().st_size
     journal.recalled = 3
-    with files_up_to(size + 20), pytest.raises(WriteError) as full:
+    with disk_of(size + 20), pytest.raises(WriteError) as full:
         journal.keep(STARTS, *asked_and_found(3))
     assert str(full.value) == f"cannot write {log}: File too large"
     assert log.stat().st_size == size + 20  # so much of the line was written
     assert recalled(log) == 3
     assert log.stat().st_size == size
     with (
-        files_up_to(20),
+        disk_of(20),
         pytest.raises(WriteError, match=r"cannot write .*new.jsonl: File too"),
     ):
         Journal(tmp_path / "new.jsonl", ASKED)

@@ -2,6 +2,7 @@
 
 import re
 
+import equinox as eqx
 import jax
 import numpy as np
 import pint
@@ -16,7 +17,7 @@ from jaxglide.measured.table import NUMBERS
 from jaxglide.objectives import OBJECTIVES
 from jaxglide.parameters import PARAMETERS
 from jaxglide.plot._restore import glide_of, snake_of
-from jaxglide.records import _STATES, _VARIABLES, glide_dataset
+from jaxglide.records import _STATES, _VARIABLES, _settings, glide_dataset
 
 # Names of units that UDUNITS-2 has; `deg` and SVL are none.
 UDUNITS = {"m", "s", "kg", "N", "W", "mm", "Pa", "Hz", "degree", "rad", "1"}
@@ -95,6 +96,13 @@ def test_nodes_have_a_place_a_chord_and_a_mass(data):
     assert data.node_mass.sum().item() == pytest.approx(data.mass.item())
     assert 0.01 < data.node_chord.min() < data.node_chord.max() < 0.03
     assert data.lift.arc_length.dims == ("node",)
+
+
+def test_a_gyration_comes_back(glide, data):
+    assert snake_of(data).gyration is None
+    snake = Snake.from_svl(gyration=0.25)
+    flat = eqx.tree_at(lambda g: g.glider.snake, glide, snake)
+    assert float(snake_of(data.assign_attrs(_settings(flat))).gyration) == 0.25
 
 
 def test_a_glide_comes_back_whole(glide, data):

@@ -120,6 +120,7 @@ def _snake(data: xr.Dataset) -> Snake:
         **_numbers(data, "mass", "neck_fraction"),
         **{name: np.asarray(attrs[name], float) for name in _COEFFICIENTS},
         head_fraction=float(attrs["head_fraction"]),
+        gyration=attrs.get("gyration"),
         nodes=int(attrs["nodes"]),
         node_set=str(attrs["node_set"]),  # type: ignore[arg-type]
         spacing=None if spacing is None else float(spacing),

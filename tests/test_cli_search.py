@@ -7,7 +7,6 @@ import re
 import numpy as np
 import pytest
 from test_cli import run
-from test_journal import files_up_to
 
 from jaxglide.cli.gradient import _stencil
 from jaxglide.optimise import optimise
@@ -164,7 +163,9 @@ def test_a_torn_log_goes_on_and_a_damaged_one_is_named(capsys, tmp_path, flown):
     assert re.fullmatch(r"jaxglide: \S*o.jsonl is damaged: line 3 is not .*\n", err)
 
 
-def test_a_disk_that_fills_is_one_sentence_and_the_search_goes_on(capsys, tmp_path, flown):
+def test_a_disk_that_fills_is_one_sentence_and_the_search_goes_on(
+    capsys, tmp_path, flown, disk_of
+):
     log = tmp_path / "o.jsonl"
     options = ("optimise", *FEW, "--log", str(log), "--json")
 
@@ -172,7 +173,7 @@ def test_a_disk_that_fills_is_one_sentence_and_the_search_goes_on(capsys, tmp_pa
         return np.stack([points[:, 0], 0 * points[:, 0], -1 - points[:, 1]], axis=1)
 
     asked = flown(unmet)
-    with files_up_to(100):
+    with disk_of(100):
         code, out, err = run(capsys, *options)
     assert (code, out, err) == (1, "", f"jaxglide: cannot write {log}: File too large\n")
     assert not log.exists()
@@ -181,7 +182,7 @@ def test_a_disk_that_fills_is_one_sentence_and_the_search_goes_on(capsys, tmp_pa
     whole = log.read_bytes()
     head, screened, first, _ = whole.splitlines(keepends=True)
     log.unlink()
-    with files_up_to(len(head + screened + first) - 5):
+    with disk_of(len(head + screened + first) - 5):
         code, out, err = run(capsys, *options)
     assert (code, out, err) == (1, "", f"jaxglide: cannot write {log}: File too large\n")
     run(capsys, *options)

@@ -42,9 +42,9 @@ def run(row: dict) -> dict:
     jax.config.update("jax_enable_x64", True)
     import jax.numpy as jnp
 
-    from jaxglide.cases import build
-    from jaxglide.glide import simulate
-    from jaxglide.problem import SETUP, check_setup
+    from jaxglide.ensemble.cases import build
+    from jaxglide.flight.glide import simulate
+    from jaxglide.search.problem import SETUP, check_setup
 
     setup, n = check_setup(SETUP), row["parameters"]
     reverse = row["mode"] == "reverse"

@@ -9,7 +9,7 @@ from jaxglide.cli import configure
 configure()
 
 import numpy_peer as peer
-from jaxglide.published import NU_THETA, THETA_M, shape_space
+from jaxglide.ensemble.published import NU_THETA, THETA_M, shape_space
 from timing import measure, report
 from vector_field import peer_gait
 

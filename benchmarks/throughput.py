@@ -41,9 +41,9 @@ def run(count: int, double: bool, width: int | None) -> dict:
     import jax
 
     jax.config.update("jax_enable_x64", double)
-    from jaxglide.batch import default_width
-    from jaxglide.study import Study
-    from jaxglide.sweep import sweep
+    from jaxglide.ensemble.batch import default_width
+    from jaxglide.ensemble.study import Study
+    from jaxglide.ensemble.sweep import sweep
 
     tolerance = 1e-6 if double else 1e-5
     given = {"rtol": tolerance, "atol": tolerance, "setup": {"polar": "smooth"}}

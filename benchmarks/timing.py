@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxglide._files import make_folder, write_text
+from jaxglide._lib.writing import make_folder, write_text
 
 RESULTS = Path(__file__).parent / "results"
 

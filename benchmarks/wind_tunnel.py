@@ -11,8 +11,8 @@ configure()
 
 import jax
 
-from jaxglide.published import bending_study
-from jaxglide.survey import survey
+from jaxglide.ensemble.published import bending_study
+from jaxglide.ensemble.survey import survey
 from timing import report
 
 PUBLISHED = 108.7 * 60.0  # s, on four processes

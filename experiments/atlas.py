@@ -10,9 +10,9 @@ import time
 import numpy as np
 from common import arguments, save_figure, write_table
 
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.sweep import sweep
 from jaxglide.plot import stable_atlas
-from jaxglide.study import Study
-from jaxglide.sweep import sweep
 
 RANGES = {
     "f_theta": (0.6, 1.8),

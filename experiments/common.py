@@ -10,7 +10,13 @@ from pathlib import Path
 
 import xarray as xr
 
-from jaxglide._files import WriteError, make_folder, write_figure, write_netcdf, write_text
+from jaxglide._lib.writing import (
+    WriteError,
+    make_folder,
+    write_figure,
+    write_netcdf,
+    write_text,
+)
 from jaxglide.cli import configure
 
 configure()  # before anything loads JAX

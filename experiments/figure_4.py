@@ -2,8 +2,8 @@
 
 from common import arguments, save_dataset, save_figure, write_table
 
+from jaxglide.ensemble.published import long_summary, shape_space, summary
 from jaxglide.plot import shape_heatmaps
-from jaxglide.published import long_summary, shape_space, summary
 
 
 def main() -> None:

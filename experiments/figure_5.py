@@ -8,11 +8,11 @@ import numpy as np
 from common import arguments, save_figure, write_table
 
 from jaxglide import Gait, Glider, Outcome, Snake
+from jaxglide.ensemble.published import BENDS, NU_THETA, bending_study
+from jaxglide.ensemble.survey import survey
+from jaxglide.ensemble.sweep import sweep
 from jaxglide.plot import bending_grid, bending_moments
-from jaxglide.published import BENDS, NU_THETA, bending_study
-from jaxglide.survey import survey
-from jaxglide.sweep import sweep
-from jaxglide.trim import trim
+from jaxglide.tunnel.trim import trim
 
 PSI_M = (0.0, 10.0, 20.0)
 PUBLISHED = {20.0: (3.33, 4.04, 4.79, 5.05, 0.56)}  # mean forward distance [m] by bend

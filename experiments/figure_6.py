@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 from common import arguments, save_figure, write_table
 
+from jaxglide.ensemble.published import BENDS, bending_study
+from jaxglide.ensemble.survey import ABOUT, survey
 from jaxglide.plot import moment_ratio, moments_in_time
-from jaxglide.published import BENDS, bending_study
-from jaxglide.survey import ABOUT, survey
 
 CASE = {"psi_m": 20.0, "d_psi": 10.0, "nu_theta": 1.4}
 CYCLE = 1 / 1.2  # s

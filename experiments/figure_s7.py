@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglide import Polar
+from jaxglide.loads.polar import REYNOLDS
 from jaxglide.plot import force_coefficients
-from jaxglide.polar import REYNOLDS
 
 ANGLES = np.arange(0.0, 60.5, 0.5)  # deg
 POLARS = {"published": Polar.published(), "smooth": Polar.smooth()}

@@ -3,8 +3,8 @@
 from common import arguments, save_figure, write_table
 
 from jaxglide import Snake, discretise
-from jaxglide.environment import Environment
-from jaxglide.parameters import NODES
+from jaxglide._lib.parameters import NODES
+from jaxglide.air.environment import Environment
 from jaxglide.plot import morphology
 
 

@@ -12,15 +12,15 @@ import xarray as xr
 from common import arguments, flights, save_dataset, save_figure, write_table
 from matplotlib.figure import Figure
 
-from jaxglide.comparison import compare_paths
-from jaxglide.fit import SCALES, Fit, Fitter, fitted_dataset
-from jaxglide.flights import fly_flights
+from jaxglide.ensemble.published import NU_THETA, THETA_M
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.sweep import sweep
+from jaxglide.flights.comparison import compare_paths
+from jaxglide.flights.fit import SCALES, Fit, Fitter, fitted_dataset
+from jaxglide.flights.flights import fly_flights
 from jaxglide.plot import style
 from jaxglide.plot.flights import measured_and_simulated
-from jaxglide.problem import SETUP
-from jaxglide.published import NU_THETA, THETA_M
-from jaxglide.study import Study
-from jaxglide.sweep import sweep
+from jaxglide.search.problem import SETUP
 
 UNCERTAINTY = {"theta_m": 5.0, "psi_m": 4.0, "d_psi": 4.0}
 """Of a measured gait [deg]: how far amplitudes by modes and by range differ, and the bias of

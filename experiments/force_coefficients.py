@@ -3,9 +3,9 @@
 from common import arguments, save_figure, write_table
 
 from jaxglide import Outcome
+from jaxglide.ensemble.published import BENDS, bending_study
+from jaxglide.ensemble.sweep import sweep
 from jaxglide.plot import bending_grid
-from jaxglide.published import BENDS, bending_study
-from jaxglide.sweep import sweep
 
 CASES = {"published": (1.0, 1.0), "more_lift": (1.36, 1.0), "more_lift_less_drag": (1.36, 0.6)}
 

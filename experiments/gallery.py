@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image, ImageChops
 
 from jaxglide import cli
-from jaxglide._files import write_bytes
+from jaxglide._lib.writing import write_bytes
 
 WIDTH = 900  # pixels at most
 COLOURS = 256

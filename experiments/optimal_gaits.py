@@ -17,16 +17,16 @@ import numpy as np
 import xarray as xr
 
 from jaxglide import Outcome, simulate
-from jaxglide.cases import build
-from jaxglide.extrapolation import extrapolation
-from jaxglide.objectives import clearance, landing_distance, stability_margin
-from jaxglide.optimise import Optimum, optimise, verify
-from jaxglide.parameters import OBSERVED
+from jaxglide._lib.parameters import OBSERVED
+from jaxglide.ensemble.cases import build
+from jaxglide.ensemble.published import NU_THETA, THETA_M
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.sweep import sweep
+from jaxglide.flight.extrapolation import extrapolation
 from jaxglide.plot import before_and_after, convergence, paths
-from jaxglide.problem import SETUP, Evaluator, Problem
-from jaxglide.published import NU_THETA, THETA_M
-from jaxglide.study import Study
-from jaxglide.sweep import sweep
+from jaxglide.search.objectives import clearance, landing_distance, stability_margin
+from jaxglide.search.optimise import Optimum, optimise, verify
+from jaxglide.search.problem import SETUP, Evaluator, Problem
 
 SHAPE, GAIT = ("theta_m", "nu_theta", "d_psi"), tuple(OBSERVED)
 WIDE = {

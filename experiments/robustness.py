@@ -26,11 +26,11 @@ from optimal_gaits import (
     problem_of,
 )
 
-from jaxglide.objectives import landing_distance, stability_margin, varied
-from jaxglide.optimise import optimise
-from jaxglide.parameters import OBSERVED
+from jaxglide._lib.parameters import OBSERVED
 from jaxglide.plot import style
-from jaxglide.problem import Evaluator, Problem
+from jaxglide.search.objectives import landing_distance, stability_margin, varied
+from jaxglide.search.optimise import optimise
+from jaxglide.search.problem import Evaluator, Problem
 
 SPREAD = 0.1
 CHANGED = ("lift_scale", "drag_scale", "speed", "mass")

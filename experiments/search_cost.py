@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from optimal_gaits import problem_of
 from scipy.optimize import minimize
 
-from jaxglide.optimise import optimise
 from jaxglide.plot import style
-from jaxglide.problem import Evaluation, Evaluator, Problem
+from jaxglide.search.optimise import optimise
+from jaxglide.search.problem import Evaluation, Evaluator, Problem
 
 SEEDS = 5
 CHAINS = 4  # of Nelder-Mead searches side by side in one budget

@@ -12,13 +12,13 @@ from common import arguments, save_figure, write_table
 from optimal_gaits import SHAPE
 
 from jaxglide import Outcome
-from jaxglide.objectives import landing_distance
-from jaxglide.parameters import OBSERVED
+from jaxglide._lib.parameters import OBSERVED
+from jaxglide.ensemble.published import NU_THETA, THETA_M, regions
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.sweep import sweep
 from jaxglide.plot import sensitivity_map
-from jaxglide.problem import SETUP, Evaluator, Problem
-from jaxglide.published import NU_THETA, THETA_M, regions
-from jaxglide.study import Study
-from jaxglide.sweep import sweep
+from jaxglide.search.objectives import landing_distance
+from jaxglide.search.problem import SETUP, Evaluator, Problem
 
 WIDER = {**OBSERVED, "theta_m": (80.0, 125.0)}
 STEP = 1e-4  # of central differences, in ranges of the parameters

@@ -11,12 +11,12 @@ from common import arguments, save_figure, write_table
 from matplotlib.figure import Figure
 
 from jaxglide import Gait, Glider, Outcome, Polar, Snake
+from jaxglide.ensemble.published import NU_THETA, THETA_M
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.sweep import sweep
 from jaxglide.plot import style
-from jaxglide.problem import SETUP
-from jaxglide.published import NU_THETA, THETA_M
-from jaxglide.study import Study
-from jaxglide.sweep import sweep
-from jaxglide.trim import trim
+from jaxglide.search.problem import SETUP
+from jaxglide.tunnel.trim import trim
 
 BENDS = np.arange(-20.0, 30.25, 0.5)  # deg
 NEAR = 0.99  # of the farthest: the range of bends as good as the best

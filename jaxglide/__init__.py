@@ -10,13 +10,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .dynamics import Elements, Flight, Glider, elements, six_degrees_of_freedom
-    from .environment import Environment
-    from .gait import Gait, shape_line
-    from .glide import Glide, Outcome, Settings, reconstruct, simulate
-    from .launch import Launch, TakeOff, take_off
-    from .polar import Polar
-    from .snake import Sections, Snake, discretise
+    from .air.environment import Environment
+    from .body.snake import Sections, Snake, discretise
+    from .flight.dynamics import Elements, Flight, Glider, elements, six_degrees_of_freedom
+    from .flight.glide import Glide, Outcome, Settings, reconstruct, simulate
+    from .flight.launch import Launch, TakeOff, take_off
+    from .loads.polar import Polar
+    from .shape.gait import Gait, shape_line
 
 __all__ = [
     "Elements",
@@ -42,13 +42,13 @@ __all__ = [
 ]
 
 _HOME = {
-    "dynamics": ("Elements", "Flight", "Glider", "elements", "six_degrees_of_freedom"),
-    "environment": ("Environment",),
-    "gait": ("Gait", "shape_line"),
-    "glide": ("Glide", "Outcome", "Settings", "reconstruct", "simulate"),
-    "launch": ("Launch", "TakeOff", "take_off"),
-    "polar": ("Polar",),
-    "snake": ("Sections", "Snake", "discretise"),
+    "flight.dynamics": ("Elements", "Flight", "Glider", "elements", "six_degrees_of_freedom"),
+    "air.environment": ("Environment",),
+    "shape.gait": ("Gait", "shape_line"),
+    "flight.glide": ("Glide", "Outcome", "Settings", "reconstruct", "simulate"),
+    "flight.launch": ("Launch", "TakeOff", "take_off"),
+    "loads.polar": ("Polar",),
+    "body.snake": ("Sections", "Snake", "discretise"),
 }
 
 

@@ -23,9 +23,9 @@ import numpy as np
 import tqdm.auto  # noqa: F401
 
 from jaxglide import cli
-from jaxglide import sweep as module
-from jaxglide.store import layout, precision
-from jaxglide.study import Study
+from jaxglide.ensemble import sweep as module
+from jaxglide.ensemble.store import layout, precision
+from jaxglide.ensemble.study import Study
 
 jax.config.update("jax_enable_x64", True)
 STUDY = Study({"nu_theta": np.linspace(1, 1.5, 40)}, fixed={"height": 0.3}, times=[0.1, 0.2])

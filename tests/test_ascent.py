@@ -4,9 +4,9 @@ import numpy as np
 import optax
 import pytest
 
-from jaxglide._ascent import Ascent
-from jaxglide.objectives import landing_distance, stability_margin
-from jaxglide.problem import Evaluation, Problem
+from jaxglide.search.ascent import Ascent
+from jaxglide.search.objectives import landing_distance, stability_margin
+from jaxglide.search.problem import Evaluation, Problem
 
 PROBLEM = Problem(
     landing_distance,

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide.attitude import angle_rates, euler_angles, rotation_matrix
+from jaxglide.flight.attitude import angle_rates, euler_angles, rotation_matrix
 
 RNG = np.random.default_rng(0)
 

@@ -24,10 +24,10 @@ from jaxglide import (
     six_degrees_of_freedom,
     take_off,
 )
-from jaxglide.dynamics import Flight
-from jaxglide.glide_polar import body_polar, equilibrium
-from jaxglide.trim import trim
-from jaxglide.windtunnel import fall, loads
+from jaxglide.flight.dynamics import Flight
+from jaxglide.tunnel.glide_polar import body_polar, equilibrium
+from jaxglide.tunnel.trim import trim
+from jaxglide.tunnel.windtunnel import fall, loads
 
 GLIDER = Glider(Snake.from_svl(), Gait.from_degrees())
 CASES = settings(max_examples=15, deadline=None, derandomize=True, database=None)

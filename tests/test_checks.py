@@ -6,7 +6,7 @@ import warnings
 import jax
 
 import jaxglide
-from jaxglide._checks import warn_float32
+from jaxglide._lib.checks import warn_float32
 
 
 def through_the_package():

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import jaxglide as jg
 from jaxglide import Outcome, cli
 from jaxglide.cli._options import print_json
-from jaxglide.trim import derivatives
-from jaxglide.windtunnel import fall, loads_at_end, over_phases
+from jaxglide.tunnel.trim import derivatives
+from jaxglide.tunnel.windtunnel import fall, loads_at_end, over_phases
 
 
 def run(capsys, *arguments):
@@ -174,7 +174,7 @@ def test_json_has_null_for_what_is_not_a_number(capsys):
 
 
 def test_a_flight_that_cannot_be_computed_exits_with_1(capsys, monkeypatch):
-    from jaxglide import glide as module
+    from jaxglide.flight import glide as module
 
     original = module.simulate
     monkeypatch.setattr(
@@ -301,13 +301,14 @@ def test_a_held_glide_that_does_not_land_is_a_failure(capsys, tmp_path):
 
 def test_the_command_line_and_python_have_the_same_defaults():
     """Options left out are the defaults of the functions that they reach."""
-    from jaxglide import published, survey, trim, windtunnel
-    from jaxglide.flights import fly_flights
-    from jaxglide.glide import simulate
-    from jaxglide.objectives import landing_distance
-    from jaxglide.parameters import HELD_SPEED, HELD_TOLERANCE, TUNNEL
-    from jaxglide.problem import Problem
-    from jaxglide.study import Study
+    from jaxglide._lib.parameters import HELD_SPEED, HELD_TOLERANCE, TUNNEL
+    from jaxglide.ensemble import published, survey
+    from jaxglide.ensemble.study import Study
+    from jaxglide.flight.glide import simulate
+    from jaxglide.flights.flights import fly_flights
+    from jaxglide.search.objectives import landing_distance
+    from jaxglide.search.problem import Problem
+    from jaxglide.tunnel import trim, windtunnel
 
     def defaults(function):
         given = inspect.signature(function).parameters.values()
@@ -362,7 +363,7 @@ def swept(monkeypatch):
             {"axis": list("xyz")},
         )
 
-    monkeypatch.setattr("jaxglide.sweep.sweep", fly)
+    monkeypatch.setattr("jaxglide.ensemble.sweep.sweep", fly)
     return told
 
 
@@ -433,7 +434,7 @@ def test_wrong_sweeps(capsys, swept, arguments, message):
 
 
 def test_shapes_options_reach_the_study(capsys, monkeypatch):
-    from jaxglide.published import NU_THETA, THETA_M, regions
+    from jaxglide.ensemble.published import NU_THETA, THETA_M, regions
 
     told, lost = [], []
 
@@ -450,7 +451,7 @@ def test_shapes_options_reach_the_study(capsys, monkeypatch):
              "region": (shapes[1:], regions())},
         )  # fmt: skip
 
-    monkeypatch.setattr("jaxglide.published.shape_space", fly)
+    monkeypatch.setattr("jaxglide.ensemble.published.shape_space", fly)
     options = ("--height", "12", "--rtol", "1e-5", "--atol", "1e-4", "--check", "--json")
     code, out, err = run(capsys, "shapes", *options)
     assert (code, err) == (0, "")

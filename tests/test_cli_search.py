@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from test_cli import run
 
+from jaxglide._lib.parameters import PARAMETERS
 from jaxglide.cli.gradient import _stencil
-from jaxglide.optimise import optimise
-from jaxglide.parameters import PARAMETERS
-from jaxglide.problem import Evaluation
+from jaxglide.search.optimise import optimise
+from jaxglide.search.problem import Evaluation
 
 FEW = (
     "--free",
@@ -49,8 +49,8 @@ def flown(monkeypatch):
                 slopes = np.stack([(v - values) / h for v in near], axis=-1)
                 return Evaluation(values, slopes)
 
-        monkeypatch.setattr("jaxglide.problem.Evaluator", Made)
-        monkeypatch.setattr("jaxglide.optimise.Evaluator", Made)
+        monkeypatch.setattr("jaxglide.search.problem.Evaluator", Made)
+        monkeypatch.setattr("jaxglide.search.optimise.Evaluator", Made)
         return asked
 
     return put

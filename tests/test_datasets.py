@@ -8,12 +8,12 @@ import pytest
 import xarray as xr
 from test_flights import dataset, made
 
-from jaxglide._netcdf import load_netcdf
-from jaxglide._units import factor, in_file
+from jaxglide._lib.netcdf import load_netcdf
+from jaxglide._lib.units import factor, in_file
 from jaxglide.cli import main
-from jaxglide.comparison import compare_paths, summary
-from jaxglide.flights import check_flights, measured_of
-from jaxglide.glide import Outcome
+from jaxglide.flight.glide import Outcome
+from jaxglide.flights.comparison import compare_paths, summary
+from jaxglide.flights.flights import check_flights, measured_of
 from jaxglide.plot.saved import draw
 
 
@@ -279,7 +279,7 @@ def test_a_simulation_that_broke_down_counts_nowhere():
 
 
 def test_compare_fails_where_a_simulation_broke_down(saved, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("jaxglide.flights.fly_flights", lambda *_, **__: broken())
+    monkeypatch.setattr("jaxglide.flights.flights.fly_flights", lambda *_, **__: broken())
     plots = tmp_path / "figures"
     assert main(["compare", str(saved), "--plots", str(plots)]) == 1
     assert "2 of 3 simulations broke down" in capsys.readouterr().out

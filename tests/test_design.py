@@ -12,92 +12,57 @@ import pytest
 import jaxglide
 
 ROOT = pathlib.Path(jaxglide.__file__).resolve().parent
-FLOORS = {
-    "_types": 0,
-    "_numerics": 0,
-    "_checks": 0,
-    "_datasets": 0,
-    "_documents": 0,
-    "_files": 0,
-    "_modes": 0,
-    "_netcdf": 0,
-    "_units": 0,
-    "parameters": 0,
-    "environment": 1,
-    "attitude": 1,
-    "snake": 1,
-    "gait": 1,
-    "polar": 1,
-    "kinematics": 2,
-    "aerodynamics": 2,
-    "inertia": 2,
-    "dynamics": 3,
-    "launch": 3,
-    "_peaks": 4,
-    "cases": 4,
-    "glide": 4,
-    "glide_polar": 4,
-    "trim": 4,
-    "windtunnel": 4,
-    "_ascent": 5,
-    "_history": 5,
-    "_journal": 5,
-    "_objective": 5,
-    "_polish": 5,
-    "_search": 5,
-    "_study_file": 5,
-    "batch": 5,
-    "cluster": 5,
-    "comparison": 5,
-    "extrapolation": 5,
-    "fit": 5,
-    "flights": 5,
-    "objectives": 5,
-    "optimise": 5,
-    "problem": 5,
-    "published": 5,
-    "records": 5,
-    "store": 5,
-    "study": 5,
-    "survey": 5,
-    "sweep": 5,
-    "__init__": 5,  # its names are those of floors 1 to 4; used by what stands above
-    "plot": 6,
-    "view": 6,
-    "cli": 7,
-}
-# Methods for convenience that import from a floor above, in their bodies only.
-LAZY = {("glide", "view")}
-APART = {"measured"}  # imports nothing of the model, but for what reads files
-READERS = {
-    "_documents",
-    "_units",
-}  # which load neither JAX nor any other module of this package
+ROOMS = (  # from the ground up: a room imports from those before it
+    "_lib",
+    "body",
+    "shape",
+    "air",
+    "loads",
+    "flight",
+    "tunnel",
+    "ensemble",
+    "search",
+    "flights",
+    "files",
+    "plot",
+    "view",
+    "cli",
+)
+APART = "measured"  # imports nothing of the model, but for what reads files
+READERS = {"_lib.documents", "_lib.units"}  # which load neither JAX nor any other module
+# Methods for convenience that import from a room above, in their bodies only.
+LAZY = {("flight.glide", "view")}
 MODULES = sorted(ROOT.rglob("*.py"))
 
 
-def top(path):
-    """The module or package directly below jaxglide that a file belongs to."""
-    return path.relative_to(ROOT).with_suffix("").parts[0]
+def module(path):
+    """A file's name below jaxglide, such as `flight.glide`, or `flight` for the room itself."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+NAMES = {module(path) for path in MODULES}
+
+
+def room(name):
+    return name.split(".")[0]
 
 
 def imported(node, path):
-    """Modules directly below jaxglide that an import statement names."""
+    """Modules of jaxglide, by their names below it, that an import statement names."""
     if isinstance(node, ast.Import):
         names = [alias.name.split(".") for alias in node.names]
-        return [name[1] if name[1:] else "__init__" for name in names if name[0] == "jaxglide"]
+        return [".".join(name[1:]) for name in names if name[0] == "jaxglide"]
+    package = []
     if node.level:
         package = list(path.relative_to(ROOT.parent).parent.parts)
         package = package[: len(package) - node.level + 1]
-    else:
-        package = []
     package += node.module.split(".") if node.module else []
     if package[0] != "jaxglide":
         return []
-    if package[1:]:
-        return [package[1]]
-    files = {top(module) for module in MODULES}
-    return [alias.name if alias.name in files else "__init__" for alias in node.names]
+    base = package[1:]
+    below = {".".join([*base, alias.name]) for alias in node.names} & NAMES
+    return list(below) or [".".join(base)]
 
 
 def statements(tree):
@@ -116,22 +81,23 @@ def edges():
     found = set()
     for path in MODULES:
         for node in statements(ast.parse(path.read_text())):
-            found |= {(top(path), name) for name in imported(node, path)}
+            found |= {(module(path), name) for name in imported(node, path)}
     assert found >= LAZY
-    return {(a, b) for a, b in found - LAZY if a != b}
+    return {(a, b) for a, b in found - LAZY if a != b and a}
 
 
-def test_every_module_has_a_floor():
-    assert {top(path) for path in MODULES} <= FLOORS.keys() | APART
-    assert {"dynamics", "glide"} <= {top(path) for path in MODULES}
+def test_every_file_is_in_a_room():
+    found = {room(name) for name in NAMES} - {""}
+    assert found <= {*ROOMS, APART}
+    assert {"flight.dynamics", "flight.glide"} <= NAMES
 
 
-def test_imports_only_go_up(edges):
-    above = {(a, b) for a, b in edges if not {a, b} & APART and FLOORS[b] > FLOORS[a]}
-    assert not above, f"imports from a floor above: {sorted(above)}"
-    assert ("dynamics", "aerodynamics") in edges  # the walk sees something
-    assert ("plot", "glide") in edges
-    assert ("batch", "glide") in edges
+def test_imports_only_go_down(edges):
+    inside = {(a, b) for a, b in edges if APART not in (room(a), room(b))}
+    up = {(a, b) for a, b in inside if not b or ROOMS.index(room(b)) > ROOMS.index(room(a))}
+    assert not up, f"imports from a room above: {sorted(up)}"
+    assert ("flight.dynamics", "loads.aerodynamics") in edges  # the walk sees something
+    assert ("ensemble.batch", "flight.glide") in edges
 
 
 def test_there_are_no_circles(edges):
@@ -147,9 +113,9 @@ def test_there_are_no_circles(edges):
 
 
 def test_what_stands_apart_imports_nothing_of_the_model(edges):
-    assert {b for a, b in edges if a in APART} <= READERS
+    assert {b for a, b in edges if room(a) == APART and room(b) != APART} <= READERS
     assert not {(a, b) for a, b in edges if a in READERS - {b}}
-    users = {a for a, b in edges if b in APART}
+    users = {room(a) for a, b in edges if room(b) == APART} - {APART}
     assert users <= {"plot", "cli"}, f"the model imports what stands apart: {sorted(users)}"
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jaxglide import Gait, Glider, Polar, Snake, discretise, elements, six_degrees_of_freedom
-from jaxglide.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
-from jaxglide.inertia import inertia
+from jaxglide.flight.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
+from jaxglide.loads.inertia import inertia
 
 GAIT = {"theta_m": 101, "psi_m": 31, "nu_theta": 1.23, "f_theta": 1.6, "d_psi": -13}
 

@@ -13,8 +13,15 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import jaxglide
-from jaxglide import _files
-from jaxglide._files import BusyError, WriteError, alone, replacing, write_bytes, write_text
+from jaxglide._lib import writing as _files
+from jaxglide._lib.writing import (
+    BusyError,
+    WriteError,
+    alone,
+    replacing,
+    write_bytes,
+    write_text,
+)
 
 
 def names(folder):
@@ -111,7 +118,7 @@ _KILLED = """
 import io, os, pathlib, sys
 import numpy as np, xarray as xr
 from matplotlib.figure import Figure
-from jaxglide import _files
+from jaxglide._lib import writing as _files
 
 path, kind = pathlib.Path(sys.argv[1]), sys.argv[2]
 figure = Figure(figsize=(1, 1))
@@ -170,7 +177,7 @@ def test_a_process_killed_at_any_moment_leaves_the_old_file_or_the_new(tmp_path,
 
 _HOLD = """
 import sys
-from jaxglide._files import alone
+from jaxglide._lib.writing import alone
 with alone(sys.argv[1]):
     print("held", flush=True)
     sys.stdin.read()

@@ -5,8 +5,8 @@ import pytest
 import xarray as xr
 from test_flights import dataset
 
-from jaxglide.fit import SCALES, Fitter, fitted_dataset
-from jaxglide.flights import fly_flights
+from jaxglide.flights.fit import SCALES, Fitter, fitted_dataset
+from jaxglide.flights.flights import fly_flights
 
 pytestmark = pytest.mark.slow  # compiles for minutes
 

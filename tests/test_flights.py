@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxglide.comparison import at_heights, compare_paths, summary
-from jaxglide.flights import SPACING, build_flight, fly_flights, measured_of, node_count
-from jaxglide.glide import Outcome
-from jaxglide.launch import Cycle
-from jaxglide.polar import Polar
-from jaxglide.snake import discretise
+from jaxglide.body.snake import discretise
+from jaxglide.flight.glide import Outcome
+from jaxglide.flight.launch import Cycle
+from jaxglide.flights.comparison import at_heights, compare_paths, summary
+from jaxglide.flights.flights import SPACING, build_flight, fly_flights, measured_of, node_count
+from jaxglide.loads.polar import Polar
 
 UP = 0.5  # m that the starts are raised, to see past the ground
 

@@ -21,17 +21,17 @@ from test_measured import swimming, write_tabular
 import jaxglide
 from jaxglide import Environment, Gait, Glider, Launch, Polar, Snake, simulate
 from jaxglide.cli import _parser, main
-from jaxglide.flights import fly_flights
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.survey import survey
+from jaxglide.ensemble.sweep import sweep
+from jaxglide.files.saved import open_result
+from jaxglide.flights.flights import fly_flights
 from jaxglide.measured import flights_dataset, measure_folder
-from jaxglide.objectives import landing_distance
-from jaxglide.optimise import optimise
-from jaxglide.plot.files import open_result
-from jaxglide.problem import Problem
-from jaxglide.study import Study
-from jaxglide.survey import survey
-from jaxglide.sweep import sweep
-from jaxglide.trim import trim
-from jaxglide.windtunnel import fall
+from jaxglide.search.objectives import landing_distance
+from jaxglide.search.optimise import optimise
+from jaxglide.search.problem import Problem
+from jaxglide.tunnel.trim import trim
+from jaxglide.tunnel.windtunnel import fall
 
 PACKAGE = Path(jaxglide.__file__).parent
 LONGEST = 30  # s

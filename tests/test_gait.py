@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxglide import Gait, shape_line
-from jaxglide.gait import Bending, bending
+from jaxglide.shape.gait import Bending, bending
 
 NECK = 0.075
 GAITS = [

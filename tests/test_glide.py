@@ -28,12 +28,12 @@ from jaxglide import (
     simulate,
     six_degrees_of_freedom,
 )
-from jaxglide._peaks import PeakController, Peaks
-from jaxglide.attitude import angle_rates
-from jaxglide.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
-from jaxglide.extrapolation import extrapolation
-from jaxglide.glide import _clearance
-from jaxglide.records import glide_dataset
+from jaxglide.ensemble.records import glide_dataset
+from jaxglide.flight.attitude import angle_rates
+from jaxglide.flight.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
+from jaxglide.flight.extrapolation import extrapolation
+from jaxglide.flight.glide import _clearance
+from jaxglide.flight.peaks import PeakController, Peaks
 
 TIMES = 0.1 * np.arange(24)
 LIMIT = np.deg2rad(85)
@@ -327,7 +327,7 @@ def test_changed_values_compile_nothing(glide, monkeypatch):
         raise AssertionError("traced again")
 
     fly(glide.glider)
-    monkeypatch.setattr(sys.modules["jaxglide.glide"], "_fly_either_mode", refuse)
+    monkeypatch.setattr(sys.modules["jaxglide.flight.glide"], "_fly_either_mode", refuse)
     snake = Snake.from_svl(0.8, mass=0.05, neck_fraction=np.float32(0.07))
     other = Glider(
         snake, Gait.from_degrees(theta_m=100, nu_theta=1), Polar.published(1.36, 0.6)
@@ -449,7 +449,7 @@ def test_room_grows_with_the_flight_up_to_the_most(steps, most, tried, glide, mo
         outcome = Outcome.OUT_OF_STEPS if short else Outcome.LANDED
         return dataclasses.replace(glide, settings=settings, outcome=outcome)
 
-    monkeypatch.setattr(sys.modules["jaxglide.glide"], "_simulate", solve)
+    monkeypatch.setattr(sys.modules["jaxglide.flight.glide"], "_simulate", solve)
     found = simulate(glide.glider, dense=True, max_steps=most)
     assert rooms == tried
     assert found.settings.max_steps == most

@@ -19,10 +19,10 @@ from jaxglide import (
     simulate,
     six_degrees_of_freedom,
 )
-from jaxglide.attitude import rotation_matrix
-from jaxglide.dynamics import ANGLES, OMEGA, POSITION, VELOCITY, Flight
-from jaxglide.inertia import inertia
-from jaxglide.kinematics import backbone, wave_phase
+from jaxglide.flight.attitude import rotation_matrix
+from jaxglide.flight.dynamics import ANGLES, OMEGA, POSITION, VELOCITY, Flight
+from jaxglide.loads.inertia import inertia
+from jaxglide.shape.kinematics import backbone, wave_phase
 
 GAIT = Gait.from_degrees(theta_m=100, psi_m=28, nu_theta=1.2, f_theta=1.4, d_psi=12, d_theta=15)
 FLAT = Snake.from_svl(gyration=0.25)  # whose sections have inertia of their own

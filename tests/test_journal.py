@@ -11,12 +11,12 @@ import optax
 import pytest
 from test_optimise import Made, problem_of
 
-from jaxglide import _journal
-from jaxglide._files import BusyError, WriteError, alone
-from jaxglide._journal import Journal, keeping
-from jaxglide.objectives import landing_distance
-from jaxglide.optimise import optimise
-from jaxglide.problem import Evaluation, Evaluator, Problem, fingerprint
+from jaxglide._lib.writing import BusyError, WriteError, alone
+from jaxglide.search import journal as _journal
+from jaxglide.search.journal import Journal, keeping
+from jaxglide.search.objectives import landing_distance
+from jaxglide.search.optimise import optimise
+from jaxglide.search.problem import Evaluation, Evaluator, Problem, fingerprint
 
 ASKED = {"seed": 0, "rate": 0.1}
 STARTS = np.arange(2)
@@ -203,7 +203,7 @@ def test_a_log_that_somebody_else_changes_is_left_alone(log):
 
 
 def test_one_process_at_a_time_writes_a_log(log):
-    code = "import sys; from jaxglide._files import alone\n"
+    code = "import sys; from jaxglide._lib.writing import alone\n"
     code += "with alone(sys.argv[1]): print('held', flush=True); sys.stdin.read()"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code, str(log)], **pipes) as other:
@@ -321,8 +321,8 @@ def test_what_is_computed_is_known_again_by_another_process(tmp_path):
     code = """
 import jax
 jax.config.update("jax_enable_x64", True)
-from jaxglide.objectives import clearance, landing_distance, stability_margin
-from jaxglide.problem import Evaluator, Problem
+from jaxglide.search.objectives import clearance, landing_distance, stability_margin
+from jaxglide.search.problem import Evaluator, Problem
 limits = [stability_margin.at_least(10, 10), clearance.at_least(1)]
 print(Evaluator(Problem(landing_distance, ("theta_m",), limits)).fingerprint())
 """

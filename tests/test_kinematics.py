@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from jaxglide import Gait, Snake, discretise
-from jaxglide.inertia import angular_momentum, inertia, inertia_tensor
-from jaxglide.kinematics import backbone, wave_phase
+from jaxglide.loads.inertia import angular_momentum, inertia, inertia_tensor
+from jaxglide.shape.kinematics import backbone, wave_phase
 
 GAITS = {
     "published": Gait.from_degrees(),

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from jaxglide import Environment, Gait, Glider, Launch, Polar, Snake, discretise, take_off
-from jaxglide.dynamics import ANGLES, Flight, six_degrees_of_freedom
-from jaxglide.inertia import angular_momentum
-from jaxglide.kinematics import backbone
+from jaxglide.flight.dynamics import ANGLES, Flight, six_degrees_of_freedom
+from jaxglide.loads.inertia import angular_momentum
+from jaxglide.shape.kinematics import backbone
 
 COUNT = 20
 GRID = 6000

@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import jaxglide as jg
-from jaxglide.dynamics import POSITION, VELOCITY
+from jaxglide.flight.dynamics import POSITION, VELOCITY
 from jaxglide.measured import Body, Recording, measure
 
 RATE, SVL, MASS = 179.0, 0.75, 0.05

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide._numerics import arctan2, cross, safe_sqrt, sincos, solve3
+from jaxglide._lib.numerics import arctan2, cross, safe_sqrt, sincos, solve3
 
 EPS32 = float(np.finfo(np.float32).eps)
 

@@ -9,10 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, _objective, parameters
-from jaxglide.cases import build, check_setup
-from jaxglide.kinematics import backbone
-from jaxglide.objectives import (
+from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake
+from jaxglide._lib import parameters
+from jaxglide.body.snake import discretise
+from jaxglide.ensemble.cases import build, check_setup
+from jaxglide.search import objective as _objective
+from jaxglide.search.objectives import (
     OBJECTIVES,
     Constraint,
     Objective,
@@ -28,7 +30,7 @@ from jaxglide.objectives import (
     undulation_power,
     varied,
 )
-from jaxglide.snake import discretise
+from jaxglide.shape.kinematics import backbone
 
 SETUP = check_setup({"polar": "smooth", "node_set": "gauss", "nodes": 40})
 

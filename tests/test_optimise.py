@@ -10,11 +10,11 @@ import optax
 import pytest
 import xarray as xr
 
-from jaxglide._ascent import Best
-from jaxglide._polish import sample_uphill, summits
-from jaxglide.objectives import landing_distance, stability_margin
-from jaxglide.optimise import Status, optimise, verify
-from jaxglide.problem import Evaluation, Evaluator, Problem
+from jaxglide.search.ascent import Best
+from jaxglide.search.objectives import landing_distance, stability_margin
+from jaxglide.search.optimise import Status, optimise, verify
+from jaxglide.search.polish import sample_uphill, summits
+from jaxglide.search.problem import Evaluation, Evaluator, Problem
 
 FREE = {"theta_m": (80.0, 120.0), "nu_theta": (1.0, 1.5)}
 
@@ -479,7 +479,7 @@ def test_float32_is_said_once_by_a_search_and_by_what_it_is_made_of(monkeypatch)
 
     problem = problem_of()
     loose = Problem(landing_distance, FREE, rtol=1e-5, atol=1e-5)
-    monkeypatch.setattr("jaxglide.problem.ThreadPoolExecutor", interrupted)
+    monkeypatch.setattr("jaxglide.search.problem.ThreadPoolExecutor", interrupted)
     with jax.enable_x64(False), warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("default")
         with pytest.raises(KeyboardInterrupt):

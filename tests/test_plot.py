@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from jaxglide import Gait, Glider, Launch, Outcome, Snake, plot, simulate
-from jaxglide.trim import Trim
+from jaxglide.tunnel.trim import Trim
 
 NODES = 20
 THETA, NU = np.linspace(90.8, 119.1, 11), np.linspace(1.0, 1.5, 11)

@@ -9,9 +9,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from jaxglide import Gait, Snake, discretise, plot
-from jaxglide.gait import bending
-from jaxglide.kinematics import backbone
 from jaxglide.plot.body import DORSAL, VENTRAL
+from jaxglide.shape.gait import bending
+from jaxglide.shape.kinematics import backbone
 
 GAIT, SNAKE = Gait.from_degrees(), Snake.from_svl(nodes=24)
 PHASE = 0.7

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from test_flights import dataset
 
 from jaxglide.cli import main
-from jaxglide.comparison import compare_paths
+from jaxglide.flights.comparison import compare_paths
 from jaxglide.plot.flights import distances, every_flight, measured_and_simulated
 
 matplotlib.use("agg")

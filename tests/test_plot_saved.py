@@ -11,10 +11,10 @@ import xarray as xr
 from matplotlib.collections import QuadMesh
 
 from jaxglide import Gait, Glider, Launch, Snake, cli, discretise, plot, simulate
+from jaxglide.ensemble.records import glide_dataset, stamp
+from jaxglide.ensemble.store import check_memory, opened
+from jaxglide.ensemble.study import Study
 from jaxglide.plot.saved import draw, kind_of
-from jaxglide.records import glide_dataset, stamp
-from jaxglide.store import check_memory, opened
-from jaxglide.study import Study
 
 NODES = 20
 
@@ -202,7 +202,7 @@ def test_variables_and_dimensions_of_a_sweep_are_chosen():
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     """A store of six glides in chunks of two, the last chunk not there yet."""
-    monkeypatch.setattr("jaxglide.store._GLIDES", 2)
+    monkeypatch.setattr("jaxglide.ensemble.store._GLIDES", 2)
     study = Study({"nu_theta": [1.0, 1.2, 1.4], "d_psi": [0, 10]}, setup={"nodes": 8})
     with opened(tmp_path / "part.zarr", study) as kept:
         for chunk in (0, 1):

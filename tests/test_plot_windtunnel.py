@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, discretise, plot
-from jaxglide.glide_polar import BodyPolar, Equilibrium
-from jaxglide.polar import ALPHA, REYNOLDS, extended_tables
-from jaxglide.study import Study
-from jaxglide.survey import ABOUT, survey
-from jaxglide.windtunnel import Fall
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.survey import ABOUT, survey
+from jaxglide.loads.polar import ALPHA, REYNOLDS, extended_tables
+from jaxglide.tunnel.glide_polar import BodyPolar, Equilibrium
+from jaxglide.tunnel.windtunnel import Fall
 
 PSI, BENDS, NU = [0.0, 20.0], [-20.0, -10.0, 0.0, 10.0, 20.0], [1.0, 1.25, 1.5]
 RECORDS, PHASES = 7, 8

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from jaxglide import Outcome
-from jaxglide.published import (
+from jaxglide.ensemble.published import (
     BENDS,
     NU_THETA,
     PATH_LENGTH,
@@ -19,7 +19,7 @@ from jaxglide.published import (
     shape_space,
     summary,
 )
-from jaxglide.sweep import sweep
+from jaxglide.ensemble.sweep import sweep
 
 COUNTS = {"all": 121, "observed": 49, "open": 36, "closed": 36}
 

@@ -306,7 +306,7 @@ def test_optimise(folder):
 @pytest.mark.slow
 def test_an_objective_of_ones_own(monkeypatch):
     """At reduced size: two starts, two steps."""
-    from jaxglide import optimise
+    from jaxglide.search import optimise
 
     whole = optimise.optimise
     small = {"starts": 2, "steps": 2, "polish": 0}
@@ -341,7 +341,7 @@ def test_a_cluster(folder, monkeypatch):
 @pytest.mark.slow
 def test_fit(golden, folder, monkeypatch):
     """At reduced size: two flights, one start."""
-    from jaxglide.fit import Fitter
+    from jaxglide.flights.fit import Fitter
 
     whole = Fitter.fit
     monkeypatch.setattr(Fitter, "fit", lambda self: whole(self, starts=1))

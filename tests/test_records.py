@@ -10,14 +10,14 @@ import pytest
 import xarray as xr
 
 from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
-from jaxglide._files import write_netcdf
-from jaxglide._netcdf import load_netcdf
-from jaxglide._units import in_file
+from jaxglide._lib.netcdf import load_netcdf
+from jaxglide._lib.parameters import PARAMETERS
+from jaxglide._lib.units import in_file
+from jaxglide._lib.writing import write_netcdf
+from jaxglide.ensemble.records import _STATES, _VARIABLES, _settings, glide_dataset
+from jaxglide.files.restore import glide_of, snake_of
 from jaxglide.measured.table import NUMBERS
-from jaxglide.objectives import OBJECTIVES
-from jaxglide.parameters import PARAMETERS
-from jaxglide.plot._restore import glide_of, snake_of
-from jaxglide.records import _STATES, _VARIABLES, _settings, glide_dataset
+from jaxglide.search.objectives import OBJECTIVES
 
 # Names of units that UDUNITS-2 has; `deg` and SVL are none.
 UDUNITS = {"m", "s", "kg", "N", "W", "mm", "Pa", "Hz", "degree", "rad", "1"}

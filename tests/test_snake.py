@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from jaxglide import Snake, discretise
-from jaxglide.parameters import PUBLISHED_NECK
-from jaxglide.snake import _quadrature, wing_area
+from jaxglide._lib.parameters import PUBLISHED_NECK
+from jaxglide.body.snake import _quadrature, wing_area
 
 GAUSS = {"node_set": "gauss", "nodes": 60}
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jaxglide.study import MOST_CASES, Study
+from jaxglide.ensemble.study import MOST_CASES, Study
 
 SPAN = "{start=1,stop=1.5,count=%d}"
 GRID = r"\[grid\] holds, by name of a parameter, a list of numbers or \{ start, stop, count \}"
@@ -59,7 +59,7 @@ def test_what_is_wrong_is_said_in_one_sentence(text, tmp_path):
 
 
 def test_too_large_a_file_is_not_read(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxglide._documents.LARGEST", 2**20)
+    monkeypatch.setattr("jaxglide._lib.documents.LARGEST", 2**20)
     path = tmp_path / "study.toml"
     with path.open("wb") as file:
         file.truncate(2**20 + 1)

@@ -7,12 +7,12 @@ import pytest
 import xarray as xr
 
 from jaxglide import Launch
-from jaxglide.cases import build, check_setup
-from jaxglide.published import BENDS, NU_THETA, bending_study
-from jaxglide.study import Study
-from jaxglide.survey import survey
-from jaxglide.trim import trim
-from jaxglide.windtunnel import fall, loads, over_phases
+from jaxglide.ensemble.cases import build, check_setup
+from jaxglide.ensemble.published import BENDS, NU_THETA, bending_study
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.survey import survey
+from jaxglide.tunnel.trim import trim
+from jaxglide.tunnel.windtunnel import fall, loads, over_phases
 
 PITCH, ROLL, YAW = "pitch", "roll", "yaw"
 

@@ -19,18 +19,19 @@ import pytest
 import xarray as xr
 import zarr
 
-from jaxglide import Gait, Glide, Glider, Launch, Polar, Snake, batch, cli, simulate
-from jaxglide import cluster as on_cluster
-from jaxglide import store as stores
-from jaxglide import sweep as module
-from jaxglide._files import write_netcdf
-from jaxglide.batch import default_width, solve
-from jaxglide.cases import build, check_setup
-from jaxglide.parameters import PARAMETERS
-from jaxglide.records import glide_dataset
-from jaxglide.store import Store, StoreError, layout, opened
-from jaxglide.study import Study
-from jaxglide.sweep import sweep
+from jaxglide import Gait, Glide, Glider, Launch, Polar, Snake, cli, simulate
+from jaxglide._lib.parameters import PARAMETERS
+from jaxglide._lib.writing import write_netcdf
+from jaxglide.ensemble import batch
+from jaxglide.ensemble import cluster as on_cluster
+from jaxglide.ensemble import store as stores
+from jaxglide.ensemble import sweep as module
+from jaxglide.ensemble.batch import default_width, solve
+from jaxglide.ensemble.cases import build, check_setup
+from jaxglide.ensemble.records import glide_dataset
+from jaxglide.ensemble.store import Store, StoreError, layout, opened
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.sweep import sweep
 
 GRID = {"nu_theta": [1.2, 1.3, 1.4], "d_psi": [0.0, 10.0]}
 SHORT = {"fixed": {"height": 0.3}, "rtol": 1e-5, "atol": 1e-4}
@@ -400,8 +401,8 @@ def test_who_waits_says_so(study, tmp_path, monkeypatch, capsys):
 RUN = """
 import sys, jax
 jax.config.update("jax_enable_x64", True)
-from jaxglide.study import Study
-from jaxglide.sweep import sweep
+from jaxglide.ensemble.study import Study
+from jaxglide.ensemble.sweep import sweep
 sweep(Study.from_json(sys.argv[1]), sys.argv[2], width=int(sys.argv[3]), progress=False)
 """
 
@@ -521,7 +522,7 @@ def test_limits_reach_the_solver(monkeypatch):
         given.update(options)
         return simulate(*arguments, **options)
 
-    monkeypatch.setattr("jaxglide.batch.simulate", fly)
+    monkeypatch.setattr("jaxglide.ensemble.batch.simulate", fly)
     limited = Study(GRID, max_time=7.0, max_steps=77, times=[0.1])
     jax.eval_shape(batch._one(*batch._key(limited)), {"nu_theta": 1.2}, 1e-6, 1e-6)
     assert (given["max_time"], given["max_steps"], given["times"]) == (7.0, 77, (0.1,))
@@ -584,8 +585,8 @@ BITS = """
 import sys, jax, numpy as np
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_num_cpu_devices", 2)
-from jaxglide import batch
-from jaxglide.study import Study
+from jaxglide.ensemble import batch
+from jaxglide.ensemble.study import Study
 study, width = Study.from_json(sys.argv[1]), int(sys.argv[2])
 flown = batch.solve(study, np.arange(len(study)), width)
 sys.stdout.buffer.write(b"".join(flown[name].tobytes() for name in sorted(flown)))
@@ -617,7 +618,7 @@ def test_lanes_come_back_in_order_from_several_devices():
     program = """
 import jax, numpy as np
 jax.config.update("jax_num_cpu_devices", 3)
-from jaxglide.batch import spread
+from jaxglide.ensemble.batch import spread
 devices = tuple(jax.devices("cpu"))
 assert len(devices) == 3
 run = spread(lambda case, shift: {"y": case["x"] + shift}, devices, 1)
@@ -669,7 +670,7 @@ def client():
 
 def test_a_cluster_fills_the_same_store(study, finished, tmp_path, monkeypatch, client):
     """Whatever the batches, and without a store too."""
-    monkeypatch.setattr("jaxglide.batch.solve", numbered)
+    monkeypatch.setattr("jaxglide.ensemble.batch.solve", numbered)
     for width in (None, 1, 4):
         folder = tmp_path / f"{width}.zarr"
         sweep(study, folder, width=width, progress=False, cluster=client)
@@ -679,7 +680,7 @@ def test_a_cluster_fills_the_same_store(study, finished, tmp_path, monkeypatch, 
 
 
 def test_a_task_carries_its_own_cases(monkeypatch, client):
-    monkeypatch.setattr("jaxglide.batch.solve", numbered)
+    monkeypatch.setattr("jaxglide.ensemble.batch.solve", numbered)
     study = Study(cases={"nu_theta": np.linspace(1, 1.5, 1003)}, fixed={"height": 0.3})
     sizes, submit = [], client.submit
 
@@ -702,7 +703,7 @@ def test_workers_that_die_are_said_and_chunks_kept(study, tmp_path, monkeypatch,
             raise KilledWorker("batch", SimpleNamespace(address="tcp://a:1"), 3)
         return numbered(study, index, width)
 
-    monkeypatch.setattr("jaxglide.batch.solve", dying)
+    monkeypatch.setattr("jaxglide.ensemble.batch.solve", dying)
     monkeypatch.setattr(on_cluster, "_RETRIES", 0)
     with pytest.raises(on_cluster.ClusterError, match=r"died at a batch, 4 in all.*again$"):
         sweep(study, tmp_path / "s.zarr", width=2, progress=False, cluster=client)
@@ -721,7 +722,7 @@ def test_workers_that_die_are_said_and_chunks_kept(study, tmp_path, monkeypatch,
 
 
 def test_workers_of_another_version_are_refused(study, monkeypatch, client):
-    monkeypatch.setattr("jaxglide.batch.solve", numbered)
+    monkeypatch.setattr("jaxglide.ensemble.batch.solve", numbered)
     monkeypatch.setattr(on_cluster, "_RETRIES", 0)
     told = iter([{**on_cluster.versions(), "version_jax": "0.1"}] * 3)
     real = on_cluster.versions
@@ -771,7 +772,7 @@ def test_a_cluster_survives_the_loss_of_a_worker(tmp_path):
 
 DYING = """
 import os
-import jaxglide.batch
+import jaxglide.ensemble.batch
 jaxglide.batch.solve = lambda *_: os._exit(9)
 """
 

@@ -453,7 +453,7 @@ def flown(glide, monkeypatch):
         flown.append((glider, launch, options))
         return glide
 
-    monkeypatch.setattr("jaxglide.glide.simulate", fake)
+    monkeypatch.setattr("jaxglide.flight.glide.simulate", fake)
     return flown
 
 
@@ -522,7 +522,7 @@ def test_command_fails_where_a_glide_was_not_computed_to_its_end(
 ):
     lost = eqx.tree_at(lambda g: g.outcome, glide, np.asarray(int(Outcome.OUT_OF_STEPS)))
     glides = iter([glide, lost])
-    monkeypatch.setattr("jaxglide.glide.simulate", lambda *_, **options: next(glides))
+    monkeypatch.setattr("jaxglide.flight.glide.simulate", lambda *_, **options: next(glides))
     words = ["view", "--compare", "mass=1e-9", "--out", str(tmp_path / "g.html")]
     assert cli.main(words) == 1
     told = f"the glide with mass = 1e-09 kg ran out of steps at {float(glide.time):.6g} s"

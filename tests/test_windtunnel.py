@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from jaxglide import Environment, Gait, Glider, Launch, Outcome, Polar, Snake, discretise
-from jaxglide.dynamics import Flight, six_degrees_of_freedom
-from jaxglide.glide_polar import body_polar, equilibrium, velocity_polar
-from jaxglide.inertia import angular_momentum
-from jaxglide.kinematics import backbone, wave_phase
-from jaxglide.trim import trim
-from jaxglide.windtunnel import fall, loads, loads_along, loads_at_end, over_phases
+from jaxglide.flight.dynamics import Flight, six_degrees_of_freedom
+from jaxglide.loads.inertia import angular_momentum
+from jaxglide.shape.kinematics import backbone, wave_phase
+from jaxglide.tunnel.glide_polar import body_polar, equilibrium, velocity_polar
+from jaxglide.tunnel.trim import trim
+from jaxglide.tunnel.windtunnel import fall, loads, loads_along, loads_at_end, over_phases
 
 MOVING = np.array([0.0, 4.0, -5.0])
 

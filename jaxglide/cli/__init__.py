@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 
-from .._files import WriteError
+from .._lib.writing import WriteError
 from . import (
     compare,
     figure,

@@ -9,8 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from .._files import write_figure, write_netcdf
-from ..parameters import (
+from .._lib.parameters import (
     CHOICES,
     HELD_SPEED,
     NODES_RANGE,
@@ -21,6 +20,7 @@ from ..parameters import (
     TUNNEL,
     Parameter,
 )
+from .._lib.writing import write_figure, write_netcdf
 
 _RANGES = {
     **PARAMETERS,
@@ -132,7 +132,7 @@ def add_number(group, name: str, p: Parameter, default: float | None = None) -> 
 
 def check_number(option: str, value: float, p: Parameter) -> float:
     """The value of an option; `ValueError` where it is out of range."""
-    from .._checks import check_integer, check_range
+    from .._lib.checks import check_integer, check_range
 
     if isinstance(value, int):
         check_integer(option, value, int(p.low), int(p.high))
@@ -255,7 +255,7 @@ def setup_of(args) -> dict:
 
 def build_from(args, **defaults: float):
     """Glider and launch given on the command line, checked; `defaults` where not given."""
-    from ..cases import build, check_parameters, check_setup
+    from ..ensemble.cases import build, check_parameters, check_setup
 
     case = defaults | case_of(args)
     check_parameters(case)

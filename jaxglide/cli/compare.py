@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from .._files import make_folder
-from ..parameters import CHOICES
+from .._lib.parameters import CHOICES
+from .._lib.writing import make_folder
 from ._options import UsageError, a_number, add_output, print_json, write, write_drawing
 
 
@@ -42,7 +42,7 @@ def measured_flights(path: Path, quiet: bool):
         return flights_dataset(measure_folder(path, progress=not quiet))
     if not path.exists():
         raise UsageError(f"{path}: there is no such folder or file")
-    from .._netcdf import load_netcdf
+    from .._lib.netcdf import load_netcdf
 
     return load_netcdf(path)
 
@@ -65,9 +65,9 @@ def _draw(folder: Path, flown, args) -> None:
 def _run(args) -> int:
     import numpy as np
 
-    from ..comparison import compare_paths, summary
-    from ..flights import fly_flights
-    from ..glide import Outcome
+    from ..flight.glide import Outcome
+    from ..flights.comparison import compare_paths, summary
+    from ..flights.flights import fly_flights
 
     data = measured_flights(args.data, args.json)
     if args.plots is not None:

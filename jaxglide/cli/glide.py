@@ -27,7 +27,7 @@ def _run(args) -> int:
     import diffrax
     import numpy as np
 
-    from ..glide import Outcome, simulate
+    from ..flight.glide import Outcome, simulate
 
     glider, launch = build_from(args)
     solvers = (diffrax.Dopri5, diffrax.Tsit5, diffrax.Dopri8, diffrax.Bosh3)
@@ -42,7 +42,7 @@ def _run(args) -> int:
     outcome = Outcome(int(glide.outcome))
 
     def data():
-        from ..records import glide_dataset
+        from ..ensemble.records import glide_dataset
 
         return glide_dataset(glide)
 

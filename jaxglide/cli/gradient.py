@@ -4,7 +4,7 @@ import math
 import sys
 from typing import Any
 
-from ..parameters import GRADIENT_SETUP, PARAMETERS
+from .._lib.parameters import GRADIENT_SETUP, PARAMETERS
 from ._options import (
     add_objective,
     add_output,
@@ -35,7 +35,7 @@ def add(commands) -> None:
 
 def _point(names: list[str], fixed: dict[str, float]) -> dict[str, float]:
     """Where the gradient is taken: the values of the free parameters by name, checked."""
-    from ..cases import check_parameters, full_case
+    from ..ensemble.cases import check_parameters, full_case
 
     case = full_case(fixed)
     for name in names:
@@ -62,8 +62,8 @@ def _found(args) -> tuple[float, dict[str, dict[str, Any]]]:
     """The value of the objective, and the rows of the table by name."""
     import numpy as np
 
-    from ..objectives import OBJECTIVES
-    from ..problem import Evaluator, Problem
+    from ..search.objectives import OBJECTIVES
+    from ..search.problem import Evaluator, Problem
 
     fixed = fixed_of(args)
     at = _point(free_of(args), fixed)
@@ -96,7 +96,7 @@ def _found(args) -> tuple[float, dict[str, dict[str, Any]]]:
 
 
 def _run(args) -> int:
-    from ..objectives import OBJECTIVES
+    from ..search.objectives import OBJECTIVES
 
     value, rows = _found(args)
     unit = OBJECTIVES[args.objective].unit

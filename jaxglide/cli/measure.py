@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from .._files import make_folder
+from .._lib.writing import make_folder
 from ._options import UsageError, add_output, print_json, write, write_drawing
 
 # name in the dataset: (heading, unit, format, factor)

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..parameters import GRADIENT_SETUP, OBSERVED, PARAMETERS, SEARCH_TOLERANCE
+from .._lib.parameters import GRADIENT_SETUP, OBSERVED, PARAMETERS, SEARCH_TOLERANCE
 from ._options import (
     UsageError,
     add_objective,
@@ -105,7 +105,7 @@ def _guesses(args) -> list[dict[str, float]]:
 
 def _constraints(args):
     """Margin and clearance, where they are asked for."""
-    from ..objectives import clearance, stability_margin
+    from ..search.objectives import clearance, stability_margin
 
     asked = []
     for objective, text, scale in (
@@ -124,8 +124,8 @@ def _constraints(args):
 
 def _fly(problem, case):
     """The glide of a case with its trajectory, solved as the problem says."""
-    from ..cases import build
-    from ..glide import simulate
+    from ..ensemble.cases import build
+    from ..flight.glide import simulate
 
     options = {"rtol": problem.rtol, "atol": problem.atol, "max_time": problem.max_time}
     return simulate(*build(case, problem.setup), **options, dense=True)
@@ -149,8 +149,8 @@ def _draw(args, problem, found, best) -> None:
 
 def _problem(args):
     """What is asked for."""
-    from ..objectives import OBJECTIVES
-    from ..problem import Problem
+    from ..search.objectives import OBJECTIVES
+    from ..search.problem import Problem
 
     return Problem(
         OBJECTIVES[args.objective].wanted,
@@ -167,9 +167,9 @@ def _table(args, found) -> None:
     """Print the best starts and the best of all."""
     import numpy as np
 
-    from .._ascent import FEASIBLE
-    from ..objectives import OBJECTIVES
-    from ..optimise import Status
+    from ..search.ascent import FEASIBLE
+    from ..search.objectives import OBJECTIVES
+    from ..search.optimise import Status
 
     names, sense = found.problem.names, OBJECTIVES[args.objective].sense
     unmet = found.history.best_violation.values > FEASIBLE
@@ -187,7 +187,7 @@ def _table(args, found) -> None:
 
 def _plain(args, found, sense: int) -> dict[str, Any]:
     """What was found as one JSON object."""
-    from ..optimise import Status
+    from ..search.optimise import Status
 
     return {
         "objective": args.objective,
@@ -204,7 +204,7 @@ def _plain(args, found, sense: int) -> dict[str, Any]:
 
 def _checked(args, found, checked, beyond, sense: int) -> None:
     """Print what a finer solution and other gaits nearby say."""
-    from ..objectives import OBJECTIVES
+    from ..search.objectives import OBJECTIVES
 
     if beyond.either > 0:
         print(f"  note: {beyond}")
@@ -219,10 +219,10 @@ def _checked(args, found, checked, beyond, sense: int) -> None:
 
 
 def _run(args) -> int:
-    from ..extrapolation import extrapolation
-    from ..objectives import OBJECTIVES
-    from ..optimise import optimise, verify
-    from ..problem import Evaluator
+    from ..flight.extrapolation import extrapolation
+    from ..search.objectives import OBJECTIVES
+    from ..search.optimise import optimise, verify
+    from ..search.problem import Evaluator
 
     problem, sense = _problem(args), OBJECTIVES[args.objective].sense
     screener = Evaluator(problem, gradients=False)

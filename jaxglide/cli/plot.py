@@ -48,7 +48,7 @@ def _run(args) -> int:
     writable(out)
     at = _where(args.at)
 
-    from ..plot.files import open_result
+    from ..files.saved import open_result
     from ..plot.saved import draw
 
     data = open_result(args.file)

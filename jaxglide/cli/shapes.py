@@ -30,8 +30,8 @@ def add(commands) -> None:
 
 
 def _run(args) -> int:
-    from ..glide import Outcome
-    from ..published import borderline, shape_space, summary
+    from ..ensemble.published import borderline, shape_space, summary
+    from ..flight.glide import Outcome
 
     begin = time.perf_counter()
     data = shape_space(args.height, rtol=args.rtol, atol=args.atol)

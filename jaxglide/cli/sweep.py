@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from ..parameters import CHOICES, SOLVER
+from .._lib.parameters import CHOICES, SOLVER
 from ._options import (
     UsageError,
     add_output,
@@ -53,7 +53,7 @@ def add(commands) -> None:
 
 def _varied(text: str) -> tuple[str, Any]:
     """Name, and a list or span of values, of NAME=a,b,c or NAME=start:stop:count."""
-    from ..study import Span
+    from ..ensemble.study import Span
 
     name, equals, values = text.partition("=")
     try:
@@ -71,7 +71,7 @@ def _varied(text: str) -> tuple[str, Any]:
 
 def _study(args):
     """The study of the file or of the options; a file decides all that a study holds."""
-    from ..study import Study, expanded
+    from ..ensemble.study import Study, expanded
 
     if args.file is not None:
         if args.vary or args.fix:
@@ -86,7 +86,7 @@ def _study(args):
 
 
 def _run(args) -> int:
-    from ..sweep import sweep
+    from ..ensemble.sweep import sweep
 
     study = _study(args)
     begin = time.perf_counter()
@@ -102,7 +102,7 @@ def _report(study, data, took: float, as_json: bool) -> int:
     """Print how the glides ended; returns the exit code: 1 unless all were computed."""
     import numpy as np
 
-    from ..glide import Outcome
+    from ..flight.glide import Outcome
 
     codes = data.outcome.values.ravel()
     counts = {str(o): int((codes == o).sum()) for o in Outcome if (codes == o).any()}

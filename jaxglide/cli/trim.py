@@ -1,6 +1,6 @@
 """`jaxglide trim`."""
 
-from ..parameters import HELD_SPEED, OBSERVED, PARAMETERS
+from .._lib.parameters import HELD_SPEED, OBSERVED, PARAMETERS
 from ._options import (
     UsageError,
     a_number,
@@ -55,7 +55,7 @@ def _bounds(args) -> tuple[float, float]:
 def _run(args) -> int:
     import numpy as np
 
-    from ..trim import trim
+    from ..tunnel.trim import trim
 
     name = args.parameter
     refuse(args, (name,), f"{name} is what trim looks for, between --low and --high")

@@ -4,7 +4,7 @@ import re
 import sys
 from pathlib import Path
 
-from ..parameters import PARAMETERS
+from .._lib.parameters import PARAMETERS
 from ._options import (
     UsageError,
     a_number,
@@ -77,8 +77,8 @@ def _words(case: dict, names) -> str:
 
 def _glides(args, changes):
     """The glides to show, and their labels."""
-    from ..cases import build, check_parameters, check_setup, full_case
-    from ..glide import simulate
+    from ..ensemble.cases import build, check_parameters, check_setup, full_case
+    from ..flight.glide import simulate
 
     given, setup = case_of(args), check_setup(setup_of(args))
     cases = [given, *({**given, name: value} for name, value in changes)]
@@ -99,7 +99,7 @@ def _glides(args, changes):
 
 def _computed(glides, labels) -> bool:
     """Whether all glides were computed to their ends; those that were not are named."""
-    from ..glide import Outcome
+    from ..flight.glide import Outcome
 
     outcomes = [Outcome(int(glide.outcome)) for glide in glides]
     lost = [k for k, outcome in enumerate(outcomes) if outcome > Outcome.UNSTABLE_ROLL]

@@ -3,7 +3,7 @@
 import sys
 from typing import Any
 
-from ..parameters import HELD_SPEED, HELD_TOLERANCE, PARAMETERS, TUNNEL
+from .._lib.parameters import HELD_SPEED, HELD_TOLERANCE, PARAMETERS, TUNNEL
 from ._options import (
     add_glider,
     add_number,
@@ -45,10 +45,10 @@ def add(commands) -> None:
 def _run(args) -> int:
     import numpy as np
 
-    from .. import windtunnel as tunnel
-    from ..glide import Outcome
-    from ..glide_polar import equilibrium
-    from ..trim import derivatives
+    from ..flight.glide import Outcome
+    from ..tunnel import windtunnel as tunnel
+    from ..tunnel.glide_polar import equilibrium
+    from ..tunnel.trim import derivatives
 
     if args.save is None and args.plot is None:
         refuse(args, ("interval",), "records are kept with --save or --plot only")
@@ -74,8 +74,8 @@ def _run(args) -> int:
     }
 
     def data():
-        from ..study import Study
-        from ..survey import survey
+        from ..ensemble.study import Study
+        from ..ensemble.survey import survey
 
         cases = {"speed": [HELD_SPEED]} | case_of(args)
         study = Study(cases=cases, setup=setup_of(args), **tolerances)
@@ -103,8 +103,8 @@ def _moments(read, length: float) -> dict:
     """Statistics over phases of the moments of `Loads` [N mm], by turn."""
     import numpy as np
 
-    from ..survey import ABOUT
-    from ..windtunnel import over_phases
+    from ..ensemble.survey import ABOUT
+    from ..tunnel.windtunnel import over_phases
 
     air, shape = over_phases(read.aerodynamic), over_phases(read.inertial)
     still = _STILL * length * float(np.abs(read.force).max())
@@ -134,8 +134,8 @@ def _effects(slopes) -> dict:
     """Derivatives of the pitch moment [N mm per unit], by attitude and gait."""
     import numpy as np
 
-    from ..trim import GAIT_PARAMETERS
-    from ..windtunnel import PITCH
+    from ..tunnel.trim import GAIT_PARAMETERS
+    from ..tunnel.windtunnel import PITCH
 
     rates = {"pitch": (slopes.pitch_stiffness, "deg")}
     for name in GAIT_PARAMETERS:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._documents import read_text
+from .._lib.documents import read_text
 from .recording import RecordingError
 
 Rows = list[dict[str, str]]

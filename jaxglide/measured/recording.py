@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._documents import shown
+from .._lib.documents import shown
 from .plausible import problem
 
 MINIMUM_MARKERS = 5

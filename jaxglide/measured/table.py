@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .._units import labelled
+from .._lib.units import labelled
 from .flight import MeasuredFlight
 
 # name: (unit, long name, radians inside)

@@ -23,7 +23,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from .._documents import fitted, read_toml
+from .._lib.documents import fitted, read_toml
 from .columns import check_clock, numbers, read_rows
 from .recording import Body, Recording, RecordingError
 

@@ -5,13 +5,13 @@ object-oriented interface: no window opens and no global state changes; save one
 `figure.savefig(path)`. Units are metres, seconds and degrees.
 """
 
+from ..files.saved import open_result
 from ._style import style
 from .atlas import stable_atlas
 from .bending import bending_grid
 from .body import bent_bodies, body_shape, body_view
 from .coefficients import force_coefficients, glide_polar_figure, morphology
 from .compare import before_and_after
-from .files import open_result
 from .flights import distances, every_flight, measured_and_simulated
 from .forces import along_body, along_body_lines, along_body_map, forces
 from .glide import angles, glide_overview, side_view, top_view

@@ -6,7 +6,7 @@ from typing import Any
 import xarray as xr
 from matplotlib.font_manager import FontProperties, findfont, get_font
 
-from ..parameters import PARAMETERS
+from .._lib.parameters import PARAMETERS
 from ._style import FONT
 
 SYMBOLS = {

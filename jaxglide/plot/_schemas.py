@@ -1,6 +1,6 @@
 """What the figures of flights need of a dataset from a file."""
 
-from .._datasets import Schema, Variable
+from .._lib.datasets import Schema, Variable
 
 _TRIAL = ("trial",)
 _NAMES = {"trial": Variable(_TRIAL, None), "snake": Variable(_TRIAL, None)}

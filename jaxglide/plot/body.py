@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from .._checks import check_choice, check_range
-from ..gait import Gait
-from ..kinematics import backbone
-from ..snake import Snake, discretise
+from .._lib.checks import check_choice, check_range
+from ..body.snake import Snake, discretise
+from ..shape.gait import Gait
+from ..shape.kinematics import backbone
 from ._labels import degrees
 from ._style import HEAD, INK, new_axes, new_figure, style, zero_line
 from .waves import bending_waves

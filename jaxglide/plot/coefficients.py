@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from .._checks import check_range
-from ..glide_polar import BodyPolar, Equilibrium
-from ..polar import ALPHA, REYNOLDS, Polar, extended_tables
-from ..snake import Snake, discretise
-from ..windtunnel import Fall
+from .._lib.checks import check_range
+from ..body.snake import Snake, discretise
+from ..loads.polar import ALPHA, REYNOLDS, Polar, extended_tables
+from ..tunnel.glide_polar import BodyPolar, Equilibrium
+from ..tunnel.windtunnel import Fall
 from ._labels import plain
 from ._style import FAINT, INK, PAGE_WIDTH, PITCH, YAW, new_figure, style, zero_line
 

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from ..dynamics import ANGLES, POSITION
-from ..glide import ANGLE_LIMIT, Glide, Outcome, reconstruct
+from ..flight.dynamics import ANGLES, POSITION
+from ..flight.glide import ANGLE_LIMIT, Glide, Outcome, reconstruct
 from ._labels import axis_label, plain
 from ._style import FAINT, INK, PITCH, new_figure, style
 from .glide import _LANDED, _LAUNCH, _STOPPED, _check_drawable, _end_mark, _path

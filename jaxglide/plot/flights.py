@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..comparison import compare_paths
+from ..flights.comparison import compare_paths
 from ._labels import axis_label, plain
 from ._style import BODY, FAINT, HEAD, INK, PAGE_WIDTH, new_axes, new_figure, place, style
 
@@ -60,7 +60,7 @@ def measured_and_simulated(flown: xr.Dataset) -> Figure:
     """All flights, measured and simulated, from the side and from above (figure 3).
 
     Args:
-        flown: from `jaxglide.flights.fly_flights`.
+        flown: from `jaxglide.flights.flights.fly_flights`.
 
     Returns:
         The figure, a page wide. All start over the origin; those that end behind their
@@ -93,7 +93,7 @@ def distances(flown: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Simulated against measured distance of each flight, to their common end height.
 
     Args:
-        flown: from `jaxglide.flights.fly_flights`.
+        flown: from `jaxglide.flights.flights.fly_flights`.
         ax: where to draw; by default on a figure of its own.
     """
     compared = compare_paths(flown)
@@ -124,7 +124,7 @@ def every_flight(flown: xr.Dataset) -> Figure:
     """Each flight from the side, measured and simulated, a small panel each.
 
     Args:
-        flown: from `jaxglide.flights.fly_flights`.
+        flown: from `jaxglide.flights.flights.fly_flights`.
     """
     count = flown.sizes["trial"]
     columns = min(6, count)

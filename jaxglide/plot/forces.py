@@ -8,12 +8,12 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .._checks import check_integer, check_range
-from ..glide import Glide
-from ..records import glide_dataset
-from ..snake import discretise
+from .._lib.checks import check_integer, check_range
+from ..body.snake import discretise
+from ..ensemble.records import glide_dataset
+from ..files.restore import snake_of
+from ..flight.glide import Glide
 from ._labels import label_of, with_unit
-from ._restore import snake_of
 from ._style import new_axes, new_figure, style, zero_line
 from .heatmap import colours_of
 

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from .._checks import check_integer, check_range
-from ..dynamics import ANGLES, POSITION
-from ..glide import ANGLE_LIMIT, Glide, Outcome, reconstruct
+from .._lib.checks import check_integer, check_range
+from ..flight.dynamics import ANGLES, POSITION
+from ..flight.glide import ANGLE_LIMIT, Glide, Outcome, reconstruct
 from ._labels import axis_label
 from ._style import (
     BODY,

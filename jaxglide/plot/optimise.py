@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from .._ascent import FEASIBLE
-from ..glide import Outcome
-from ..parameters import PARAMETERS
+from .._lib.parameters import PARAMETERS
+from ..flight.glide import Outcome
+from ..search.ascent import FEASIBLE
 from ._labels import SYMBOLS, parameter_label, plain, shown, with_unit
 from ._style import FAINT, HEAD, INK, PITCH, YAW, new_figure, style
 from .shapes import _MAP, _MARK, _check, _edges, _sorted

@@ -8,9 +8,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .._datasets import checked
-from ..glide import Glide
-from ._restore import glide_of
+from .._lib.datasets import checked
+from ..files.restore import glide_of
+from ..flight.glide import Glide
 from ._schemas import COMPARED, MEASURED
 from .atlas import stable_atlas
 from .bending import bending_grid

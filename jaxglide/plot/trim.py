@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..parameters import PARAMETERS
-from ..trim import Trim
+from .._lib.parameters import PARAMETERS
+from ..tunnel.trim import Trim
 from ._labels import parameter_label, shown
 from ._style import FAINT, HEAD, YAW, new_axes, style
 

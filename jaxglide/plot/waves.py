@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from .._checks import check_choice, check_range
-from ..gait import Gait, bending
-from ..snake import Snake
+from .._lib.checks import check_choice, check_range
+from ..body.snake import Snake
+from ..shape.gait import Gait, bending
 from ._style import PITCH, YAW, new_axes, new_figure, style, zero_line
 
 _WAVES = {"theta": (r"horizontal, $\theta$", YAW), "psi": (r"vertical, $\psi$", PITCH)}

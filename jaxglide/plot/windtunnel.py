@@ -14,9 +14,9 @@ from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from .._checks import check_integer
-from ..glide import Outcome
-from ..survey import ABOUT
+from .._lib.checks import check_integer
+from ..ensemble.survey import ABOUT
+from ..flight.glide import Outcome
 from ._labels import degrees
 from ._style import (
     INK,

@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from .._checks import check_range
-from .._files import WriteError, replacing, write_bytes, write_figure
-from ..glide import Glide
+from .._lib.checks import check_range
+from .._lib.writing import WriteError, replacing, write_bytes, write_figure
+from ..flight.glide import Glide
 from ._picture import Picture
 from .scene import scale_of, scenes_of, title_of
 

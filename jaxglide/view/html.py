@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .._files import write_text
-from ..glide import Glide
+from .._lib.writing import write_text
+from ..flight.glide import Glide
 from . import _loft
 from .scene import COLOURS, Scene, scale_of, scenes_of, title_of
 

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._checks import check_range
-from ..dynamics import ANGLES, POSITION, VELOCITY, Flight, elements
-from ..glide import Glide, Outcome
-from ..snake import discretise
+from .._lib.checks import check_range
+from ..body.snake import discretise
+from ..flight.dynamics import ANGLES, POSITION, VELOCITY, Flight, elements
+from ..flight.glide import Glide, Outcome
 from . import _loft
 from ._loft import Stations
 

@@ -1,0 +1,1 @@
+"""What every room stands on: array types, safe numerics, checks, derivatives, files."""

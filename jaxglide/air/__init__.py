@@ -1,0 +1,1 @@
+"""The air: where it moves and how, its density and viscosity."""

@@ -1,0 +1,1 @@
+"""What flies: a body along its length, and its division into nodes."""

@@ -1,0 +1,1 @@
+"""Many flights at once: studies, sweeps, surveys, and the stores that keep them."""

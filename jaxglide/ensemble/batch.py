@@ -1,0 +1,141 @@
+"""One batch of a study as a vmapped computation on all local devices."""
+
+import math
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from .._lib.types import Array
+from ..flight.glide import Glide, simulate
+from .cases import build
+from .study import Study
+
+_CPU_LANES = (16, 24)  # per core: more do not pay for waiting for the slowest flight
+# Lanes per device are a multiple of this. Loops over other numbers end in a remainder that
+# the compiler may round otherwise: a glide's last bits would depend on its batch.
+_UNIT = 8
+_MAX_LANES = 65_536  # per GPU
+_LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
+
+
+def results(glide: Glide) -> dict[str, Array]:
+    """What a sweep keeps of every glide, in SI units and radians, by name."""
+    kept = {
+        "outcome": glide.outcome,
+        "time": glide.time,
+        "landing_point": glide.landing_point,
+        "path_length": glide.path_length,
+        "height_lost": glide.height_lost,
+        "glide_angle": glide.glide_angle,
+        "velocity": glide.velocity,
+        "end_angles": glide.end_angles,
+        "max_angles": glide.max_angles,
+        "launch_phase": glide.take_off.phi_theta,
+        "launch_angles": glide.take_off.angles,
+        "launch_speed": glide.take_off.speed,
+        "accepted": glide.accepted.astype(jnp.int32),
+        "rejected": glide.rejected.astype(jnp.int32),
+    }
+    if glide.states is not None:
+        kept["states"] = glide.states
+    return kept
+
+
+def _one(study_setup, options, times):
+    """Function of one case that flies it."""
+    setup, options = dict(study_setup), dict(options)
+
+    def fly(case, rtol, atol):
+        glider, launch = build(case, setup)
+        glide = simulate(glider, launch, rtol=rtol, atol=atol, times=times, **options)
+        return results(glide)
+
+    return fly
+
+
+def spread(one: Callable, devices: tuple, common: int):
+    """Compiled function of a batch whose lanes are shared out over the devices.
+
+    Args:
+        one: pure function of one case (a dict of arrays) and of what all cases share.
+        devices: JAX devices.
+        common: number of shared arguments.
+    """
+    split, whole = PartitionSpec("lanes"), PartitionSpec()
+    mesh = Mesh(np.array(devices), ("lanes",))
+    mapped = jax.shard_map(
+        jax.vmap(one, in_axes=(0,) + (None,) * common),
+        mesh=mesh,
+        in_specs=(split,) + (whole,) * common,
+        out_specs=split,
+        check_vma=False,
+    )
+    compiled, sharding = jax.jit(mapped), NamedSharding(mesh, split)
+
+    def run(columns: Mapping[str, np.ndarray], width: int, *shared) -> dict[str, np.ndarray]:
+        count = len(next(iter(columns.values())))
+        lanes = -(-width // len(devices)) * len(devices)
+        # Filled up with repeats, so that one compiled function serves every batch.
+        # Neighbours go to different devices: each gets as many long flights as the others.
+        place = np.argsort(np.arange(lanes) % len(devices), kind="stable")
+        source = np.minimum(place, count - 1)
+        batch = {n: jax.device_put(v[source], sharding) for n, v in columns.items()}
+        flown = compiled(batch, *shared)
+        back = np.argsort(place)[:count]
+        return {name: np.asarray(values)[back] for name, values in flown.items()}
+
+    return run
+
+
+@lru_cache(maxsize=16)
+def _flier(setup: tuple, options: tuple, times: tuple | None, devices: tuple):
+    return spread(_one(setup, options, times), devices, 2)
+
+
+def _key(study: Study) -> tuple:
+    options = (("max_steps", study.max_steps), ("max_time", study.max_time))
+    return tuple(sorted(study.setup.items())), options, study.times
+
+
+def default_width(study: Study) -> int:
+    """Glides per batch: by cache on CPU cores, by memory on GPUs."""
+    devices = jax.local_devices()
+    if devices[0].platform == "cpu":
+        most = _CPU_LANES
+    else:
+        memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
+        states = 13 * len(study.times or ())
+        per_lane = 8 * (_LIVE * study.setup["nodes"] + 20 * 13 + states)
+        most = (max(_UNIT, int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT),)
+    # As many batches as that takes, all of one size: a last small one would cost as much. The
+    # fewest lanes in all, where there is a choice.
+    each = -(-len(study) // len(devices))
+    batches = [-(-each // lanes) for lanes in most]
+    lanes = [_rounded(-(-each // count)) for count in batches]
+    return len(devices) * min(zip(batches, lanes, strict=True), key=math.prod)[1]
+
+
+def _rounded(lanes: int) -> int:
+    return -(-lanes // _UNIT) * _UNIT
+
+
+def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
+    """Fly some cases of a study as one batch.
+
+    Args:
+        study: the study.
+        index: case numbers, (n,), n at most `width`.
+        width: size of the batch; it is filled up with repeats, so that one compiled
+            function serves every batch of a study.
+
+    Returns:
+        What `results` keeps, by name, each (n, ...): to the bit the same whatever the batch.
+    """
+    devices = tuple(jax.local_devices())
+    lanes = len(devices) * _rounded(-(-width // len(devices)))
+    tolerances = jnp.asarray(study.rtol), jnp.asarray(study.atol)
+    return _flier(*_key(study), devices)(study.columns(index), lanes, *tolerances)

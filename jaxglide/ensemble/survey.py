@@ -1,0 +1,180 @@
+"""Wind-tunnel surveys: held glides of many cases, and their moments."""
+
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from .._lib.checks import check_kind, check_range, warn_float32
+from .._lib.parameters import HELD_SPEED, MAX_STEPS, MAX_TIME
+from .._lib.units import labelled
+from ..tunnel.windtunnel import (
+    MOMENT_PHASES,
+    check_angles,
+    fall,
+    over_phases,
+    read_records,
+)
+from .batch import spread
+from .cases import build
+from .records import stamp, study_coordinates
+from .study import Study
+
+ABOUT = ("pitch", "roll", "yaw")
+"""Body axes x, y, z by the turn about them."""
+
+# name: (dimensions after the cases', unit, long name)
+_VARIABLES = {
+    "outcome": ((), "", "how the fall ended"),
+    "time": ((), "s", "time at the ground"),
+    "landing_point": ((), "m", "forward distance y at the ground"),
+    "position": (("record", "forward_up"), "m", "centre of mass y, z"),
+    "velocity": (("record", "forward_up"), "m/s", "its velocity"),
+    "last": ((), "", "index of the first record past the ground"),
+    "aerodynamic": (("record", "phase", "about"), "N mm", "moment of the air, body axes"),
+    "inertial": (("record", "phase", "about"), "N mm", "[h'] of the shape change, body axes"),
+    "mean_moment": (("record", "about"), "N mm", "moment of the air, mean over phases"),
+    "aerodynamic_range": (("record", "about"), "N mm", "its peak-to-peak over phases"),
+    "inertial_range": (("record", "about"), "N mm", "peak-to-peak of [h'] over phases"),
+    "inertial_ratio": (("record", "about"), "", "inertial over aerodynamic peak-to-peak"),
+}
+
+
+@lru_cache(maxsize=16)
+def _faller(setup, options, devices):
+    options = dict(options)
+
+    def one(case, rtol, atol):
+        glider, launch = build(case, dict(setup))
+        fallen = fall(glider, launch, rtol=rtol, atol=atol, **options)
+        return {
+            "outcome": fallen.outcome,
+            "time": fallen.time,
+            "landing_point": fallen.state[0],
+            "states": fallen.states,
+            "last": fallen.last.astype(jnp.int32),
+        }
+
+    return spread(one, devices, 2)
+
+
+@lru_cache(maxsize=16)
+def _reader(setup, phases, devices):
+    def one(case, angles, times):
+        case = dict(case)
+        states = case.pop("states")
+        glider, _ = build(case, dict(setup))
+        read = read_records(glider, angles, times, states, phases)
+        return {"aerodynamic": read.aerodynamic, "inertial": read.inertial}
+
+    return spread(one, devices, 2)
+
+
+def survey(
+    study: Study,
+    *,
+    phases: int = MOMENT_PHASES,
+    interval: float = 0.025,
+    max_time: float = 10.0,
+    angles=(0.0, 0.0, 0.0),
+) -> xr.Dataset:
+    """Held glides of all cases of a study, and the moments by phase at every record.
+
+    All cases fall in one vmapped computation on all local devices, and all are read in
+    another.
+
+    Args:
+        study: what to drop; tolerances below 1e-6 pay for gradients only. Without a speed
+            the cases start at the published 1.7 m/s. Times and limits of its own, or a
+            heading, are refused: a survey has no use for them.
+        phases: number of phases.
+        interval: between records [s].
+        max_time: longest fall [s].
+        angles: held yaw, pitch, roll [rad], (3,).
+
+    Returns:
+        Dataset over the grid's dimensions, or over `case`, and over record (time [s]),
+        phase [deg] and the turns pitch, roll, yaw about the body axes; moments in N mm,
+        NaN past the ground.
+
+    Raises:
+        ValueError: a wrong argument.
+    """
+    _check_study(study)
+    held = check_angles(angles, phases)
+    check_range("interval", interval, "s", 1e-4, 10, shape=())
+    check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True, shape=())
+    given = study.columns(np.arange(len(study)))
+    columns = {"speed": np.full(len(study), HELD_SPEED), **given}
+    devices, setup = tuple(jax.local_devices()), tuple(sorted(study.setup.items()))
+    options = {
+        "interval": float(interval),
+        "max_time": float(max_time),
+        "angles": tuple(held.tolist()),
+    }
+    tolerances = jnp.asarray(study.rtol), jnp.asarray(study.atol)
+    fallen = _faller(setup, tuple(options.items()), devices)(columns, len(study), *tolerances)
+    records = int(fallen["last"].max()) + 1
+    states = fallen.pop("states")[:, :records]
+    times = interval * np.arange(records)
+    read = _reader(setup, phases, devices)(
+        {**columns, "states": states}, len(study), held, times
+    )
+    aerodynamic, inertial = 1e3 * read["aerodynamic"], 1e3 * read["inertial"]
+    of_air, of_shape = (over_phases(jnp.asarray(m)) for m in (aerodynamic, inertial))
+    values = {
+        **fallen,
+        "position": states[..., :2],
+        "velocity": states[..., 2:],
+        "aerodynamic": aerodynamic,
+        "inertial": inertial,
+        "mean_moment": of_air.mean,
+        "aerodynamic_range": of_air.peak_to_peak,
+        "inertial_range": of_shape.peak_to_peak,
+        "inertial_ratio": of_shape.peak_to_peak / of_air.peak_to_peak,
+    }
+    return _dataset(study, values, times, phases, options)
+
+
+def _check_study(study: Study) -> None:
+    """Refuse what a held glide has no use for; say where float32 is too coarse."""
+    check_kind("study", study, Study)
+    for name, default in (("times", None), ("max_time", MAX_TIME), ("max_steps", MAX_STEPS)):
+        if getattr(study, name) != default:
+            raise ValueError(
+                f"{name} of the study has no effect on a survey: leave it out; `survey` takes "
+                "how long to fall and how often to record as max_time and interval"
+            )
+    if "heading" in study.varied or "heading" in study.fixed:
+        raise ValueError("heading has no effect on a survey: a held glide stays in a plane")
+    warn_float32(study.rtol, study.atol)
+
+
+def _dataset(study: Study, values, times, phases, options) -> xr.Dataset:
+    dims = tuple(study.varied) if study.cases is None else ("case",)
+    coordinates = {
+        "record": ("record", times, labelled("s", "time since launch")),
+        "phase": ("phase", 360.0 / phases * np.arange(phases), labelled("deg", "phase")),
+        "about": list(ABOUT),
+        "forward_up": ["y", "z"],
+    }
+    coordinates |= study_coordinates(study) | {
+        "turn": ["yaw", "pitch", "roll"],
+        "held_angles": (
+            "turn",
+            np.rad2deg(options["angles"]),
+            labelled("deg", "held yaw, pitch, roll"),
+        ),
+        "interval": ((), options["interval"], labelled("s", "between records")),
+        "max_time": ((), options["max_time"], labelled("s", "longest fall")),
+    }
+    variables = {}
+    for name, (trailing, unit, long_name) in _VARIABLES.items():
+        value = np.asarray(values[name])
+        shaped = value.reshape(*study.shape, *value.shape[1:])
+        variables[name] = ((*dims, *trailing), shaped, labelled(unit, long_name))
+    record = {"study": study.to_json(), **study.setup}
+    record |= {"rtol": study.rtol, "atol": study.atol}
+    return stamp(xr.Dataset(variables, coords=coordinates), record)

@@ -1,0 +1,100 @@
+"""Sweeps: many glides in batches, with progress, kept and resumed."""
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from .._lib.checks import check_integer, check_kind, warn_float32
+from .batch import default_width, solve
+from .records import study_dataset
+from .store import blank, bytes_of, check_memory, opened, precision
+from .study import Study
+
+
+def progress_bar(total: int, unit: str, show: bool | None, done: int = 0):
+    """A bar with rate and time left: on a terminal and in a notebook, silent when piped."""
+    from tqdm.auto import tqdm
+
+    notebook = "notebook" in tqdm.__module__
+    disable = None if show is None and not notebook else show is False
+    return tqdm(total=total, initial=done, unit=unit, disable=disable, smoothing=0.1)
+
+
+def sweep(
+    study: Study,
+    store: str | Path | None = None,
+    *,
+    width: int | None = None,
+    progress: bool | None = None,
+    cluster: Any = None,
+) -> xr.Dataset:
+    """Fly all cases of a study.
+
+    Args:
+        study: what to fly.
+        store: folder for the results (Zarr), written as they come. If it holds part of the
+            same study, only the rest is computed; if another process is at work on it, this
+            one waits. Without one all stays in memory.
+        width: glides per batch; by default chosen for the devices. The results do not depend
+            on it.
+        progress: show a progress bar; by default where somebody can see it.
+        cluster: a `dask.distributed.Client`, or a scheduler's address, on whose workers to
+            compute. Needs `jaxglide[cluster]`.
+
+    Returns:
+        Dataset over the grid's dimensions, or over `case`; see `records.study_dataset`.
+
+    Raises:
+        ValueError: a wrong argument, or a store that is not this study's (`StoreError`).
+        OSError: the store cannot be read or written, or the cluster fails.
+    """
+    check_kind("study", study, Study)
+    warn_float32(study.rtol, study.atol)
+    if width is not None:
+        check_integer("width", width, 1, 10**7)
+    check_memory("the study", bytes_of(study, precision()))
+    order, tell = study.order(), progress is not False
+    with contextlib.ExitStack() as stack:
+        if cluster is None:
+            fly = partial(_solve_here, study, order, width or default_width(study))
+        else:
+            from .cluster import connected, solve_on_cluster
+
+            client = stack.enter_context(connected(cluster, tell))
+            fly = partial(solve_on_cluster, client, study, order, width=width)
+        kept = None if store is None else stack.enter_context(opened(store, study, tell))
+        flown = _fill(study, kept, fly, progress)
+    back = np.argsort(order)
+    return study_dataset(study, {name: values[back] for name, values in flown.items()})
+
+
+def _solve_here(study, order, width, rows) -> Iterator[tuple[np.ndarray, Mapping]]:
+    width = min(width, len(study))
+    for part in np.split(rows, np.arange(width, len(rows), width)):
+        yield part, solve(study, order[part], width)
+
+
+def _fill(study, kept, fly, progress) -> dict[str, np.ndarray]:
+    """Results in solving order: what the store has, and the rest flown and kept there."""
+    if kept is None:
+        flown, missing = blank(study, precision()), np.ones(len(study), bool)
+    else:
+        flown, done = kept.read()
+        missing = ~np.repeat(done, kept.chunk)[: len(study)]
+    with progress_bar(len(study), "glide", progress, int((~missing).sum())) as bar:
+        for rows, values in fly(np.flatnonzero(missing)) if missing.any() else ():
+            for name, value in flown.items():
+                value[rows] = values[name]
+            missing[rows] = False
+            if kept is not None:
+                for chunk in map(int, np.unique(rows // kept.chunk)):
+                    here = kept.rows(chunk)
+                    if not missing[here].any():
+                        kept.write(chunk, {name: v[here] for name, v in flown.items()})
+            bar.update(len(rows))
+    return flown

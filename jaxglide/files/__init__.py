@@ -1,0 +1,1 @@
+"""Saved results, opened again; nothing here loads Matplotlib."""

@@ -1,0 +1,1 @@
+"""One flight: equations of motion, launch, ends, the glide."""

@@ -1,0 +1,148 @@
+"""The largest angles of a glide, followed as it is solved."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .._lib.numerics import safe_sqrt
+from .._lib.types import Array, Bool, Float, Scalar, State, Vec3
+from .attitude import angle_rates
+from .dynamics import ANGLE_LIMIT, ANGLES, OMEGA, VELOCITY
+
+# By float size: how far past a limit counts as past it [m, rad], and the shortest step that
+# is cut shorter still to see it [s].
+_PAST = {8: (1e-10, 1e-9), 4: (1e-5, 1e-4)}
+
+
+def beyond(watched: Float[Array, "4"]) -> Float[Array, "4"]:
+    """How far height and angles [m, rad] are past their limits, below 0 in flight."""
+    return jnp.concatenate([-watched[:1], jnp.abs(watched[1:]) - ANGLE_LIMIT])
+
+
+class _Point(eqx.Module):
+    """Height and angles [m, rad], (4,), at a time, and their rates."""
+
+    time: Scalar
+    value: Float[Array, "4"]
+    rate: Float[Array, "4"]
+
+    @classmethod
+    def of(cls, time, state: State) -> "_Point":
+        angles = state[ANGLES]
+        rates = angle_rates(angles, state[OMEGA])
+        return cls(
+            jnp.asarray(time, state.dtype),
+            jnp.concatenate([state[2:3], angles]),
+            jnp.concatenate([state[VELOCITY][2:], rates]),
+        )
+
+
+class _Step(eqx.Module):
+    """The cubic through both ends of a step, values and slopes.
+
+    Attributes:
+        end: values at its end, (4,).
+        places, extremes: fractions of the step at which it is stationary, in 0 to 1, and
+            the values there, (2, 4).
+    """
+
+    end: Float[Array, "4"]
+    places: Float[Array, "2 4"]
+    extremes: Float[Array, "2 4"]
+
+    @classmethod
+    def between(cls, start: _Point, end: _Point) -> "_Step":
+        h = end.time - start.time
+        a, da, b, db = start.value, h * start.rate, end.value, h * end.rate
+        # a + da x + p x^2 + q x^3 on 0 <= x <= 1; extremes where its slope is zero
+        p, q = 3 * (b - a) - 2 * da - db, da + db - 2 * (b - a)
+        root = safe_sqrt(jnp.maximum(p * p - 3 * q * da, 0.0))
+        s = -(p + jnp.where(p < 0, -1.0, 1.0) * root)
+        top, bottom = jnp.stack([s, da]), jnp.stack([3 * q, s])
+        x = jnp.clip(top / jnp.where(bottom == 0, 1.0, bottom), 0.0, 1.0)
+        return cls(b, x, a + x * (da + x * (p + x * q)))
+
+    @property
+    def largest(self) -> Vec3:
+        """Largest |angles| after its start [rad], (3,)."""
+        within = jnp.max(jnp.abs(self.extremes[:, 1:]), axis=0)
+        return jnp.maximum(within, jnp.abs(self.end[1:]))
+
+    def first_graze(self, past: float) -> tuple[Bool[Array, ""], Scalar]:
+        """Whether a limit is passed on the way but not at the end, and where first."""
+        passed = (jax.vmap(beyond)(self.extremes) > past) & (beyond(self.end) <= 0)
+        return jnp.any(passed), jnp.min(jnp.where(passed, self.places, 1.0))
+
+
+class Peaks(eqx.Module):
+    """Largest |angles| of a glide up to a point, and over the step from there on.
+
+    Attributes:
+        largest: up to `point` [rad], (3,).
+        latest: over the step accepted there, to its full length [rad], (3,).
+        point: where that step starts.
+    """
+
+    largest: Vec3
+    latest: Vec3
+    point: _Point
+
+    @classmethod
+    def start(cls, time, state) -> "Peaks":
+        largest = jnp.abs(state[ANGLES])
+        return cls(largest, largest, _Point.of(time, state))
+
+    def upto(self, time, state) -> Vec3:
+        """Largest |angles| to a point within the latest step [rad], (3,)."""
+        step = _Step.between(self.point, _Point.of(time, state))
+        return jnp.maximum(self.largest, step.largest)
+
+
+class PeakController(diffrax.AbstractStepSizeController):
+    """A step size controller that also follows the largest angles of the accepted steps.
+
+    Events are seen at the ends of steps only. So a step in whose midst an angle or the ground
+    grazes its limit is taken again, up to there. What it follows never contradicts how the
+    glide ends. The last step may be cut short by an event: it is kept apart, to be covered to
+    its true end.
+    """
+
+    inner: diffrax.AbstractStepSizeController
+
+    def wrap(self, direction):
+        return PeakController(self.inner.wrap(direction))
+
+    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
+        t1, state = self.inner.init(terms, t0, t1, y0, dt0, args, func, error_order)
+        return t1, (state, Peaks.start(t0, y0))
+
+    def adapt_step_size(
+        self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
+    ):
+        before, peaks = controller_state
+        keep, next_t0, next_t1, made_jump, state, result = self.inner.adapt_step_size(
+            t0, t1, y0, y1_candidate, args, y_error, error_order, before
+        )
+        past, shortest = _PAST[y0.dtype.itemsize]
+        # A step that is not kept may hold anything: it is replaced by none at all.
+        ends = jnp.stack([y0, jnp.where(keep, y1_candidate, y0)])
+        points = jax.vmap(_Point.of)(jnp.stack([t0, t1]), ends)
+        point, end = (jax.tree.map(lambda x, i=i: x[i], points) for i in range(2))
+        step = _Step.between(point, end)
+        grazes, place = step.first_graze(past)
+        grazes &= keep & (t1 - t0 > shortest)
+        cut = jax.lax.stop_gradient(t0 + place * (t1 - t0))
+        largest = jnp.maximum(peaks.largest, peaks.latest)
+        latest = jnp.where(keep & ~grazes, step.largest, 0.0)
+        return (
+            keep & ~grazes,
+            jnp.where(grazes, t0, next_t0),
+            jnp.where(grazes, cut, next_t1),
+            made_jump,
+            (
+                jax.tree.map(lambda old, new: jnp.where(grazes, old, new), before, state),
+                Peaks(largest, latest, point),
+            ),
+            result,
+        )

@@ -1,0 +1,1 @@
+"""Measured flights: flown again, compared, fitted."""

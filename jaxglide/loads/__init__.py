@@ -1,0 +1,1 @@
+"""What acts on the body: the air by sweep theory, and its own changing inertia."""

@@ -1,0 +1,1 @@
+"""Objectives, problems and the search for the best gait or body."""

@@ -1,0 +1,277 @@
+"""A problem of optimisation, and its values and gradients at many points."""
+
+import hashlib
+import os
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._lib.checks import check_range, warn_float32
+from .._lib.parameters import GRADIENT_SETUP as SETUP
+from .._lib.parameters import OBSERVED, SEARCH_TOLERANCE
+from ..ensemble.cases import as_number, build, check_parameters, check_setup
+from .objective import Constraint, Objective, Trial, plain
+
+_LANES = 16  # points per core in one batch
+
+
+class Evaluation(NamedTuple):
+    """Values at S points: the objective and m slacks, and their gradients.
+
+    Attributes:
+        values: (S, 1 + m).
+        gradients: by the n parameters in their units, (S, 1 + m, n).
+    """
+
+    values: np.ndarray
+    gradients: np.ndarray
+
+    @property
+    def slacks(self) -> np.ndarray:
+        """Slacks of the constraints, (S, m)."""
+        return self.values[:, 1:]
+
+    @property
+    def finite(self) -> np.ndarray:
+        """Where every value and gradient is finite, (S,)."""
+        ordinary = np.isfinite(self.values).all(axis=1)
+        return np.logical_and(ordinary, np.isfinite(self.gradients).all(axis=(1, 2)))
+
+
+def _bounds(free: Any) -> dict[str, tuple[float, float]]:
+    """Bounds by name, from those or from names alone; see `Problem`."""
+    if not isinstance(free, Mapping):
+        if not isinstance(free, Iterable):
+            raise TypeError(f"free = {free!r} is neither bounds by name nor a list of names")
+        names = [free] if isinstance(free, str) else list(free)
+        for name in names:
+            if name not in OBSERVED:
+                known = ", ".join(OBSERVED)
+                raise ValueError(f"give bounds of {name!r}: ranges observed are of {known}")
+            if names.count(name) > 1:
+                raise ValueError(f"{name} is named twice among what is free")
+        free = {name: OBSERVED[name] for name in names}
+    if not free:
+        raise ValueError("no parameter is free")
+    bounds = {}
+    for name, ends in free.items():
+        check_parameters({name: ends})
+        if np.shape(ends) != (2,) or not ends[0] < ends[1]:
+            raise ValueError(f"bounds of {name} are {ends}, not lowest and highest")
+        bounds[name] = float(ends[0]), float(ends[1])
+    return bounds
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What to make as large as possible, by changing what, within which limits.
+
+    Args:
+        objective: what to maximise (see `Objective.wanted`).
+        free: bounds by name of `PARAMETERS`, in its unit; a sequence of names takes the
+            ranges observed in flight.
+        constraints: inequalities to meet.
+        fixed: values of other parameters.
+        setup: "polar", "node_set", "nodes"; smooth polar, Gauss nodes where not given.
+        rtol, atol: tolerances of the glides.
+        max_time: longest flight [s].
+
+    Problems are equal that ask the same, of the same objects as objective and constraints.
+
+    Raises:
+        ValueError: an unknown name, bounds out of range or without room between them.
+        TypeError: what is no objective or constraint.
+    """
+
+    objective: Objective
+    free: Any
+    constraints: tuple[Constraint, ...] = ()
+    fixed: Mapping[str, float] | None = None
+    setup: Mapping[str, Any] | None = None
+    rtol: float = SEARCH_TOLERANCE
+    atol: float = SEARCH_TOLERANCE
+    max_time: float = 60.0
+
+    def __post_init__(self):
+        if not isinstance(self.objective, Objective):
+            raise TypeError(f"objective = {self.objective!r} is not an Objective")
+        constraints = self.constraints
+        constraints = (constraints,) if isinstance(constraints, Constraint) else constraints
+        for constraint in constraints:
+            if not isinstance(constraint, Constraint):
+                raise TypeError(
+                    f"{constraint!r} is not a Constraint: say objective.at_least(bound)"
+                )
+        free, fixed = _bounds(self.free), dict(self.fixed or {})
+        fixed = {name: as_number(name, value) for name, value in fixed.items()}
+        check_parameters(fixed)
+        for name in fixed:
+            if name in free:
+                raise ValueError(f"{name} is both free and fixed")
+        for name in ("rtol", "atol"):
+            check_range(name, getattr(self, name), "", 0, 0.1, low_open=True, shape=())
+        check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True, shape=())
+        set_ = object.__setattr__
+        for name in ("rtol", "atol", "max_time"):
+            set_(self, name, float(getattr(self, name)))
+        set_(self, "free", free)
+        set_(self, "fixed", fixed)
+        set_(self, "constraints", tuple(constraints))
+        set_(self, "setup", check_setup(SETUP | dict(self.setup or {})))
+
+    def _identity(self) -> tuple:
+        fixed, setup = (tuple(sorted((p or {}).items())) for p in (self.fixed, self.setup))
+        asked = self.objective, tuple(self.free.items()), self.constraints, fixed, setup
+        return (*asked, self.rtol, self.atol, self.max_time)
+
+    def __eq__(self, other) -> bool:
+        if not isinstance(other, Problem):
+            return NotImplemented
+        return self._identity() == other._identity()
+
+    def __hash__(self) -> int:
+        return hash(self._identity())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters, n of them."""
+        return tuple(self.free)
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lowest values, (n,)."""
+        return np.array([ends[0] for ends in self.free.values()])
+
+    @property
+    def high(self) -> np.ndarray:
+        """Highest values, (n,)."""
+        return np.array([ends[1] for ends in self.free.values()])
+
+    def values(self, x, rtol=None, atol=None):
+        """The objective and the slacks of the constraints at a point (n,), (1 + m,)."""
+        assert self.fixed is not None
+        assert self.setup is not None
+        case = {**self.fixed, **dict(zip(self.names, x, strict=True))}
+        trial = Trial(
+            *build(case, self.setup),
+            rtol=self.rtol if rtol is None else rtol,
+            atol=self.atol if atol is None else atol,
+            max_time=self.max_time,
+        )
+        slacks = [constraint.slack(trial) for constraint in self.constraints]
+        return jnp.stack([self.objective.value(trial), *slacks])
+
+    def answer(self, found: Evaluation, count: int, gradients: bool) -> Evaluation:
+        """What an evaluator found at `count` points, in float64, checked.
+
+        Raises:
+            ValueError: arrays of another shape; gradients are dropped if not asked for.
+        """
+        if not isinstance(found, Evaluation):
+            raise TypeError(f"the evaluator gave a {type(found).__name__}, not an Evaluation")
+        shape = count, 1 + len(self.constraints)
+        full = *shape, len(self.names)
+        values, slopes = (np.asarray(part, float) for part in found)
+        slopes = slopes if gradients else np.empty((*shape, 0))
+        for what, array, right in (("values", values, shape), ("gradients", slopes, full)):
+            if array.shape != right and (gradients or array is values):
+                raise ValueError(
+                    f"the evaluator gave {what} of shape {array.shape}: {right} was asked for"
+                )
+        return Evaluation(values, slopes)
+
+    def describe(self) -> dict[str, Any]:
+        """The problem in plain values."""
+        assert self.fixed is not None
+        assert self.setup is not None
+        return {
+            "objective": self.objective.name,
+            "free": {name: list(ends) for name, ends in self.free.items()},
+            "constraints": [f"{c} (scale {plain(c.scale)})" for c in self.constraints],
+            "fixed": dict(self.fixed),
+            "setup": dict(self.setup),
+            "rtol": self.rtol,
+            "atol": self.atol,
+            "max_time": self.max_time,
+        }
+
+
+def fingerprint(function: Callable, *arguments) -> str:
+    """A digest of what a function computes: of its compiled form, not of its name or text."""
+    traced = jax.jit(function).trace(*arguments)
+    digest = hashlib.sha256(traced.lower().as_text().encode())
+    for constant in traced.jaxpr.consts:
+        digest.update(np.asarray(constant).tobytes())
+    return digest.hexdigest()[:32]
+
+
+class Evaluator:
+    """Values, with gradients or without, of many points of a problem on all devices.
+
+    Args:
+        problem: the problem.
+        gradients: whether to compute gradients too (forward mode while there are fewer
+            parameters than results of a glide, else reverse mode; see `simulate`).
+    """
+
+    def __init__(self, problem: Problem, gradients: bool = True):
+        if not isinstance(problem, Problem):
+            raise TypeError(f"problem = {problem!r} is not a Problem")
+        self.told = warn_float32(problem.rtol, problem.atol)
+        self.problem, self.width = problem, 0
+
+        def one(x, rtol, atol):
+            def twice(x):
+                values = problem.values(x, rtol, atol)
+                return values, values
+
+            if gradients:
+                return jax.jacfwd(twice, has_aux=True)(x)[::-1]
+            return twice(x)[0], x[None, :0]
+
+        self._batch = jax.jit(jax.vmap(one, in_axes=(0, None, None)))
+        # Optimistix's implicit derivatives do not trace under shard_map (0.1.0), so that
+        # threads share out the batches: over the cores of a CPU, or one a GPU.
+        devices = jax.local_devices()
+        on_cpu = devices[0].platform == "cpu"
+        self._workers = devices[:1] * (os.cpu_count() or 1) if on_cpu else devices
+
+    def fingerprint(self) -> str:
+        """A digest of all that is computed, down to the code of the user's own objective."""
+        return fingerprint(self.problem.values, self.problem.low)
+
+    def __call__(self, points: np.ndarray, rtol=None, atol=None) -> Evaluation:
+        """Evaluate points (S, n) in batches; tolerances default to the problem's.
+
+        Raises:
+            ValueError: points of another shape, out of a parameter's range or not finite.
+        """
+        problem, workers = self.problem, self._workers
+        points, n = np.asarray(points, float), len(problem.names)
+        if points.ndim != 2 or points.shape[1] != n or not len(points):
+            raise ValueError(f"points of shape {points.shape} are not (S, {n}) or are none")
+        check_parameters(dict(zip(problem.names, points.T, strict=True)))
+        rtol = problem.rtol if rtol is None else rtol
+        atol = problem.atol if atol is None else atol
+        for name, value in (("rtol", rtol), ("atol", atol)):
+            check_range(name, value, "", 0, 0.1, low_open=True, shape=())
+        self.told = self.told or warn_float32(rtol, atol)
+        rtol, atol = jnp.asarray(rtol), jnp.asarray(atol)
+        if not self.width:  # kept, so that fewer points later compile nothing
+            batches = -(-len(points) // (_LANES * len(workers))) * len(workers)
+            self.width = -(-len(points) // batches)
+
+        def evaluate(k: int):
+            index = np.minimum(np.arange(k, k + self.width), len(points) - 1)
+            batch = jax.device_put(points[index], workers[k // self.width % len(workers)])
+            return tuple(map(np.asarray, self._batch(batch, rtol, atol)))
+
+        with ThreadPoolExecutor(len(workers)) as pool:
+            found = list(pool.map(evaluate, range(0, len(points), self.width)))
+        values, gradients = (np.concatenate(part) for part in zip(*found, strict=True))
+        return Evaluation(values[: len(points)], gradients[: len(points)])

@@ -1,0 +1,1 @@
+"""How a body bends: waves, what drives them, and the kinematics of the backbone."""

@@ -1,0 +1,103 @@
+"""Backbone kinematics and aerofoil frames (eqs 8, 13-15)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .._lib.numerics import sincos
+from .._lib.types import ArrayLike, Nodes, Nodes3, Scalar
+from ..body.snake import Sections
+from .gait import Gait, bending
+
+
+class Backbone(eqx.Module):
+    """The body in co-moving axes, origin at the centre of mass.
+
+    Attributes:
+        position, velocity, acceleration: of the nodes [m, m/s, m/s^2], (3, n), time
+            derivatives at fixed arc length.
+        tangent: unit tangent, snout to vent, (3, n).
+        chord: unit chord direction c, in the body's horizontal plane, (3, n).
+        normal: b = t x c, out of the back, (3, n).
+        turning, turning_rate: rate of the chord's direction, about z, and the rate of that
+            [rad/s, rad/s^2], (n,).
+    """
+
+    position: Nodes3
+    velocity: Nodes3
+    acceleration: Nodes3
+    tangent: Nodes3
+    chord: Nodes3
+    normal: Nodes3
+    turning: Nodes
+    turning_rate: Nodes
+
+
+def wave_phase(gait: Gait, phi_theta, time) -> tuple[Scalar, Scalar]:
+    """Phase of the waves and its rate at a time: phi_theta - 2 pi f_theta t [rad, rad/s]."""
+    rate = -2 * jnp.pi * gait.f_theta
+    return phi_theta + rate * time, rate
+
+
+def backbone(
+    sections: Sections,
+    gait: Gait,
+    neck_fraction: Scalar,
+    phase: ArrayLike,
+    phase_rate: ArrayLike,
+) -> Backbone:
+    """Shape and motion of the body at a phase of its waves (eqs 8, 13-15).
+
+    The time derivatives are closed forms. All nine cumulative integrals (three components
+    of the tangent and of its two derivatives) are one matrix product.
+
+    Args:
+        sections: the body at its nodes.
+        gait: the waves.
+        neck_fraction: end of the neck, fraction of SVL.
+        phase, phase_rate: see `wave_phase` [rad, rad/s].
+    """
+    wave = bending(gait, neck_fraction, sections.fraction, phase, phase_rate)
+    sin_t, cos_t = sincos(wave.theta)
+    sin_p, cos_p = sincos(wave.psi)
+    dt, dp = wave.theta_dot, wave.psi_dot
+
+    # Heading of the tangent's horizontal part, d/dtheta of it, and length's derivatives.
+    flat_rate = -sin_p * dp
+    flat_second = -cos_p * dp**2 - sin_p * wave.psi_ddot
+    turn = 2 * flat_rate * dt + cos_p * wave.theta_ddot
+    shrink = flat_second - cos_p * dt**2
+    tangent = jnp.stack([cos_p * sin_t, -cos_p * cos_t, sin_p])
+    integrand = jnp.concatenate(
+        [
+            tangent,
+            jnp.stack(
+                [
+                    flat_rate * sin_t + cos_p * dt * cos_t,
+                    -flat_rate * cos_t + cos_p * dt * sin_t,
+                    cos_p * dp,
+                    shrink * sin_t + turn * cos_t,
+                    -shrink * cos_t + turn * sin_t,
+                    cos_p * wave.psi_ddot - sin_p * dp**2,
+                ]
+            ),
+        ]
+    )
+    path = integrand @ sections.integral
+
+    # c = z x t/|z x t| and b = t x c (eqs 14-15) in closed form. Where the body bends past
+    # the vertical z x t reverses; the chord is carried on instead, as a body carries it.
+    # A factor of 1, the tangent's length: XLA computes the waves anew for every use of them,
+    # but not a division. Without it a step of a batch takes twice as long.
+    squared = sin_p**2 + cos_p**2
+    one = squared / jnp.sqrt(squared)
+    zero = jnp.zeros_like(cos_p)
+    return Backbone(
+        position=path[0:3],
+        velocity=path[3:6],
+        acceleration=path[6:9],
+        tangent=tangent,
+        chord=jnp.stack([one * cos_t, one * sin_t, zero]),
+        normal=jnp.stack([-one * sin_p * sin_t, one * sin_p * cos_t, one * cos_p]),
+        turning=wave.theta_dot,
+        turning_rate=wave.theta_ddot,
+    )

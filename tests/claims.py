@@ -2,10 +2,8 @@
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
 _NUMBER = r"[−+-]?\d{1,3}(?:,\d{3})+|[−+-]?\d+(?:\.\d+)?"  # noqa: RUF001
 _CLAIM = re.compile(rf"(?<![\w.,])({_NUMBER})(?:–({_NUMBER}))?(?![\w]*\d)")  # noqa: RUF001
 

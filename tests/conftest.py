@@ -5,7 +5,6 @@ import contextlib
 import importlib.util
 import json
 import os
-import pathlib
 import resource
 import shutil
 import tempfile
@@ -23,16 +22,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from places import GOLDEN, ROOT
+
 jax.config.update("jax_enable_x64", True)
 
 import jaxglide as jg  # noqa: E402
 
-TESTS = pathlib.Path(__file__).resolve().parent
-
 
 def load_golden(name):
     """Entries of `tests/golden/<name>.json`."""
-    return json.loads((TESTS / "golden" / f"{name}.json").read_text())
+    return json.loads((GOLDEN / f"{name}.json").read_text())
 
 
 def published_glider(entry):
@@ -97,7 +96,7 @@ def relative_error():
 @pytest.fixture(scope="session")
 def peer():
     """The same model in plain NumPy, written independently: `benchmarks/numpy_peer.py`."""
-    path = TESTS.parent / "benchmarks" / "numpy_peer.py"
+    path = ROOT / "benchmarks" / "numpy_peer.py"
     spec = importlib.util.spec_from_file_location("numpy_peer", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

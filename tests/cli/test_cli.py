@@ -10,16 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jaxglide as jg
+from command import run
 from jaxglide import Outcome, cli
 from jaxglide.cli._options import print_json
 from jaxglide.tunnel.trim import derivatives
 from jaxglide.tunnel.windtunnel import fall, loads_at_end, over_phases
-
-
-def run(capsys, *arguments):
-    code = cli.main(list(arguments))
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 def test_glide_writes_a_labelled_file_and_a_picture(capsys, tmp_path):

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
-from test_optimise import Made, problem_of
 
 from jaxglide._lib.writing import BusyError, WriteError, alone
 from jaxglide.search import journal as _journal
@@ -17,6 +16,7 @@ from jaxglide.search.journal import Journal, keeping
 from jaxglide.search.objectives import landing_distance
 from jaxglide.search.optimise import optimise
 from jaxglide.search.problem import Evaluation, Evaluator, Problem, fingerprint
+from made_searches import Made, problem_of
 
 ASKED = {"seed": 0, "rate": 0.1}
 STARTS = np.arange(2)

@@ -6,7 +6,6 @@ import h5py
 import numpy as np
 import pytest
 import xarray as xr
-from test_flights import dataset, made
 
 from jaxglide._lib.netcdf import load_netcdf
 from jaxglide._lib.units import factor, in_file
@@ -15,6 +14,7 @@ from jaxglide.flight.glide import Outcome
 from jaxglide.flights.comparison import compare_paths, summary
 from jaxglide.flights.flights import check_flights, measured_of
 from jaxglide.plot.saved import draw
+from made_flights import dataset, made
 
 
 @pytest.fixture(scope="module")

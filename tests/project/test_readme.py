@@ -13,10 +13,11 @@ import types
 import numpy as np
 import pytest
 import xarray as xr
-from claims import ROOT, agree, blocks, commands, section, sentence
-from test_flights import dataset
 
+from claims import agree, blocks, commands, section, sentence
 from jaxglide import cli
+from made_flights import dataset
+from places import ROOT
 
 README = (ROOT / "README.md").read_text()
 FLIGHTS = os.environ.get("JAXGLIDE_FLIGHTS")

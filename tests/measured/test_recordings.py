@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from test_measured import PLACES, cut, swimming, write_study, write_tabular
 
 from jaxglide import measured
 from jaxglide.cli import main
+from made_recordings import PLACES, cut, swimming, write_study, write_tabular
 
 
 @pytest.fixture(scope="module")

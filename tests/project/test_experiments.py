@@ -13,7 +13,9 @@ import sys
 
 import numpy as np
 import pytest
-from claims import ROOT, agree, claimed, commands, section, sentence, table
+
+from claims import agree, claimed, commands, section, sentence, table
+from places import ROOT
 
 PAGE = (ROOT / "experiments" / "README.md").read_text()
 FLIGHTS = os.environ.get("JAXGLIDE_FLIGHTS")
@@ -68,12 +70,12 @@ def share_of(text):
 
 def test_every_command_is_run_by_a_test():
     named = set(commands(PAGE))
-    code = (ROOT / "tests" / "test_experiments.py").read_text()
+    code = (ROOT / "tests/project/test_experiments.py").read_text()
     run_here = set(re.findall(r'run\("(jaxglide [^"]+)"\)', code))
     elsewhere = {
-        "jaxglide figure gallery",  # tests/test_readme.py
+        "jaxglide figure gallery",  # tests/project/test_readme.py
         "jaxglide trim",  # there, too
-        "jaxglide shapes --check",  # tests/test_published.py: its function at full size
+        "jaxglide shapes --check",  # tests/ensemble/test_published.py, at full size
     }
     assert named == run_here | elsewhere
 

@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +15,7 @@ from jaxglide import cli
 from jaxglide.cli import _setup
 from jaxglide.cli._options import check_output, write
 from jaxglide.cli.figure import _FIGURES, _scripts
-
-ROOT = Path(__file__).parents[1]
+from places import ROOT
 
 
 def run(capsys, *arguments):

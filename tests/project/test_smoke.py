@@ -7,7 +7,8 @@ import subprocess
 import sys
 
 import pytest
-from test_measured import swimming, write_tabular
+
+from made_recordings import swimming, write_tabular
 
 pytestmark = pytest.mark.smoke
 

@@ -7,30 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from test_flights import dataset
 
 from jaxglide.cli import main
 from jaxglide.flights.comparison import compare_paths
 from jaxglide.plot.flights import distances, every_flight, measured_and_simulated
+from made_flights import dataset, paths_of
 
 matplotlib.use("agg")
-
-
-def paths_of(turn_back):
-    """Two flights: measured straight ahead, simulated shorter or back to the start."""
-    down = np.linspace(8.0, 0.5, 16)
-    ahead = (8.0 - down) * 0.6
-    measured = np.stack([0.1 * ahead + 1.0, ahead - 4.0, down], axis=1)
-    ways = (0.5 * ahead, ahead * (1.4 - 0.2 * ahead) if turn_back else 0.7 * ahead)
-    simulated = np.stack([np.stack([1 + 0 * way, way - 4.0, down], axis=1) for way in ways])
-    return xr.Dataset(
-        {
-            "position": (("trial", "frame", "axis"), np.stack([measured, measured])),
-            "path": (("trial", "time_simulated", "axis"), simulated),
-            "end": (("trial", "axis"), simulated[:, -1]),
-        },
-        coords={"trial": ["101", "202"], "snake": ("trial", ["A", "B"])},
-    )
 
 
 def test_all_paths_are_drawn_from_the_origin_and_those_that_turn_stand_out():

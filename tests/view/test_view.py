@@ -10,7 +10,6 @@ import tomllib
 from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
-from pathlib import Path
 
 import equinox as eqx
 import numpy as np
@@ -21,8 +20,8 @@ from jaxglide import Gait, Glider, Launch, Outcome, Snake, cli, reconstruct, sim
 from jaxglide.view import Page, Scene, animate, still, view
 from jaxglide.view._picture import Picture
 from jaxglide.view.scene import scale_of
+from places import ROOT
 
-ROOT = Path(__file__).parents[1]
 NODES, SVL, RATE = 70, 0.7, 60
 EVIL = "</script><script>window.bad=1</script>\"'><img src=x onerror=bad()>&amp;\u2028{{data}}"
 

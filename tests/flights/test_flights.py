@@ -12,6 +12,7 @@ from jaxglide.flight.launch import Cycle
 from jaxglide.flights.comparison import at_heights, compare_paths, summary
 from jaxglide.flights.flights import SPACING, build_flight, fly_flights, measured_of, node_count
 from jaxglide.loads.polar import Polar
+from made_flights import dataset, made
 
 UP = 0.5  # m that the starts are raised, to see past the ground
 
@@ -20,41 +21,6 @@ UP = 0.5  # m that the starts are raised, to see past the ground
 def entries(golden):
     """Published simulations whose measured gaits are given in full."""
     return golden("simulated_flights")
-
-
-def dataset(entries, up=0.0):
-    """The flights as `jaxglide.measured.flights_dataset` labels them; paths are straight."""
-    gait = {
-        ours: ("trial", np.array([e["gait"][theirs] for e in entries]))
-        for ours, theirs in {
-            "nu_theta": "nu_theta",
-            "f_theta": "f_theta",
-            "theta_m": "theta_max",
-            "psi_m": "psi_max",
-            "d_psi": "d_psi_avg",
-        }.items()
-    }
-    start = np.array([e["start_m"] for e in entries]) + np.array([0.0, 0.0, up])
-    velocity = np.array([e["start_velocity_m_s"] for e in entries])
-    times = np.broadcast_to(np.linspace(0.0, 1.0, 21), (len(entries), 21))
-    return xr.Dataset(
-        {
-            **gait,
-            "svl": ("trial", np.array([e["svl_m"] for e in entries])),
-            "mass": ("trial", np.array([1e-3 * e["mass_g"] for e in entries])),
-            "start_position": (("trial", "axis"), start),
-            "start_velocity": (("trial", "axis"), velocity),
-            "time": (("trial", "frame"), times),
-            "position": (
-                ("trial", "frame", "axis"),
-                start[:, None] + times[:, :, None] * velocity[:, None],
-            ),
-        },
-        coords={
-            "trial": [str(e["trial"]) for e in entries],
-            "snake": ("trial", [str(e["snake"]) for e in entries]),
-        },
-    )
 
 
 @pytest.fixture(scope="module")
@@ -167,19 +133,6 @@ def test_starts_point_as_measured(entries):
 
 
 # --- the comparison --------------------------------------------------------------------
-
-
-def made(measured, simulated):
-    """A dataset of one flight with the two paths given, (T, 3)."""
-    measured, simulated = np.array(measured, float), np.array(simulated, float)
-    return xr.Dataset(
-        {
-            "position": (("trial", "frame", "axis"), measured[None]),
-            "path": (("trial", "time_simulated", "axis"), simulated[None]),
-            "end": (("trial", "axis"), simulated[None, -1]),
-        },
-        coords={"trial": ["1"], "snake": ("trial", ["A"])},
-    )
 
 
 def test_paths_are_compared_at_equal_heights_down_to_the_higher_end():

@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from test_cli import run
 
+from command import run
 from jaxglide._lib.parameters import PARAMETERS
 from jaxglide.cli.gradient import _stencil
 from jaxglide.search.optimise import optimise

@@ -16,7 +16,6 @@ import pytest
 import xarray as xr
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
-from test_measured import swimming, write_tabular
 
 import jaxglide
 from jaxglide import Environment, Gait, Glider, Launch, Polar, Snake, simulate
@@ -32,6 +31,7 @@ from jaxglide.search.optimise import optimise
 from jaxglide.search.problem import Problem
 from jaxglide.tunnel.trim import trim
 from jaxglide.tunnel.windtunnel import fall
+from made_recordings import swimming, write_tabular
 
 PACKAGE = Path(jaxglide.__file__).parent
 LONGEST = 30  # s

@@ -1,21 +1,21 @@
 """The NumPy peer of the benchmarks against the published model's figures, and itself."""
 
 import json
-import pathlib
 import sys
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "benchmarks"))
+from places import GOLDEN, ROOT
 
-import numpy_peer as peer  # noqa: E402
+sys.path.insert(0, str(ROOT / "benchmarks"))
+
+import numpy_peer as peer
 
 
 def golden(name):
-    return json.loads((HERE / "golden" / f"{name}.json").read_text())
+    return json.loads((GOLDEN / f"{name}.json").read_text())
 
 
 RHS, KINEMATICS, GLIDES = golden("rhs"), golden("kinematics"), golden("glides")

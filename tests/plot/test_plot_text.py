@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure
-from test_plot_flights import paths_of
 
 from jaxglide.plot import every_flight, heatmap, region_outlines, style
 from jaxglide.plot._labels import plain
 from jaxglide.plot._style import new_axes
 from jaxglide.view._picture import Picture
 from jaxglide.view.scene import Scene
+from made_flights import paths_of
 
 matplotlib.use("agg")
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import xarray as xr
-from test_flights import dataset
 
 from jaxglide.flights.fit import SCALES, Fitter, fitted_dataset
 from jaxglide.flights.flights import fly_flights
+from made_flights import dataset
 
 pytestmark = pytest.mark.slow  # compiles for minutes
 

@@ -29,6 +29,17 @@ jax.config.update("jax_enable_x64", True)
 import jaxglide as jg  # noqa: E402
 
 
+def pytest_configure(config):
+    """Compiling takes most of the time: without XLA's fusion emitters it takes half of that.
+
+    What takes long to run keeps them, and so do the processes of the smoke set.
+    """
+    if "not slow" in config.option.markexpr:
+        flags = os.environ.get("XLA_FLAGS", "").split()
+        flags.append("--xla_cpu_use_fusion_emitters=false")
+        os.environ["XLA_FLAGS"] = " ".join(dict.fromkeys(flags))
+
+
 def load_golden(name):
     """Entries of `tests/golden/<name>.json`."""
     return json.loads((GOLDEN / f"{name}.json").read_text())

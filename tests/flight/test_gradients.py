@@ -62,28 +62,23 @@ SCALE = np.array([0.1, 0.1, 0.1, 0.1, 0.1, 1.0, 1.0, 0.01, 0.1])
 
 
 @pytest.fixture(scope="module")
-def fixed():
-    """Fixed-step solves and Jacobians of all gaits: jit of vmap."""
-    return {
-        "values": jax.jit(jax.vmap(lambda p: outputs(p, step=0.01))),
-        "jacfwd": jax.jit(jax.vmap(jax.jacfwd(lambda p: outputs(p, step=0.01)))),
-    }
+def forward():
+    """Jacobians of fixed-step solves of all gaits: jit of vmap."""
+    jacobian = jax.jacfwd(lambda p: outputs(p, step=0.01))
+    return np.asarray(jax.jit(jax.vmap(jacobian))(POINTS))
 
 
-@pytest.fixture(scope="module")
-def forward(fixed):
-    return np.asarray(fixed["jacfwd"](POINTS))
-
-
-def test_against_differences_of_fixed_step_solves(fixed, forward):
+def test_against_differences_of_fixed_step_solves(forward):
+    values = jax.jit(jax.vmap(lambda p: outputs(p, step=0.01)))
     for index, name in enumerate(NAMES):
-        difference = central(fixed["values"], POINTS, index, 3e-4 * SCALE[index])
+        difference = central(values, POINTS, index, 3e-4 * SCALE[index])
         error = np.abs(forward[:, :, index] - difference) * SCALE[index]
         largest = (np.abs(forward) * SCALE).max(axis=2)
         assert np.all(error < 1e-6 * largest), (name, error / largest)
 
 
-@pytest.mark.parametrize("height", [2.0, pytest.param(10.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [2.0, 10.0])
 def test_against_differences_of_tight_solves(height):
     """Adaptive solves at 1e-11: at most 1e-4 of the largest scaled derivative."""
     tight = {"rtol": 1e-11, "atol": 1e-11}
@@ -206,7 +201,7 @@ def test_gradients_of_bodies_bent_past_the_vertical():
 
 
 @pytest.mark.slow
-def test_second_derivatives_exist(fixed):
+def test_second_derivatives_exist():
     """Forward over reverse: the Hessian of the landing distance is symmetric."""
 
     def distance(q):

@@ -54,12 +54,8 @@ def test_lines_are_the_waves_in_degrees():
             expected.append(np.rad2deg(getattr(wave, name)))
     for line, wanted in zip(curves, expected, strict=True):
         np.testing.assert_allclose(line.get_ydata(), wanted, atol=1e-9)
-    assert curves[0].get_color() == curves[1].get_color() != curves[2].get_color()
-    assert curves[0].get_linewidth() > curves[1].get_linewidth()
     assert ax.get_xlabel() == "arc length, $s$ (fraction of SVL)"
     assert ax.get_ylabel() == "bending angle (°)"
-    words = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert words == [r"horizontal, $\theta$", r"vertical, $\psi$"]
 
 
 @pytest.mark.parametrize("wave", ["theta", "psi"])
@@ -145,7 +141,7 @@ def test_the_back_is_seen_from_above_and_both_sides_of_a_twisted_body_from_the_s
 
 def test_shape_has_waves_and_two_views_at_one_scale():
     figure = plot.body_shape(GAIT, SNAKE, phase=PHASE)
-    assert texts(figure) == ["back", "belly", "head"]
+    assert set(texts(figure)) == {"back", "belly", "head"}
     waves, top, side = figure.axes
     assert waves.get_ylabel() == "bending angle (°)"
     scales = [

@@ -204,11 +204,11 @@ def test_one_process_at_a_time_and_a_dead_one_lets_go(tmp_path):
 # Names of methods that write, and the modules whose task it is
 WRITING = {"savefig", "to_netcdf", "to_zarr", "write_text", "write_bytes", "tofile", "to_csv"}
 WRITING |= {"save", "savez", "dump", "print_figure"}
-WRITERS_OF_THE_HOUSE = {"_files.py", "_journal.py", "store.py"}
+WRITERS_OF_THE_HOUSE = {"writing.py", "journal.py", "store.py"}
 
 
 def writes(tree):
-    """Calls in a module that write a file in another way than through `_files`."""
+    """Calls in a module that write a file in another way than through `writing`."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue

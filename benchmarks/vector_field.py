@@ -33,7 +33,7 @@ def repeated(polar: str, count: int):
         glider = Glider(
             Snake.from_svl(0.7), Gait.from_degrees(nu_theta=nu_theta), Polar.from_name(polar)
         )
-        flight = Flight(glider, discretise(glider.snake), jnp.asarray(-0.03))
+        flight = Flight(glider, discretise(glider.body), jnp.asarray(-0.03))
 
         def body(i, y):
             return y + 1e-6 * six_degrees_of_freedom(1e-3 * i, y, flight)

@@ -4,7 +4,6 @@ from common import arguments, save_figure, write_table
 
 from jaxglide import Snake, discretise
 from jaxglide._lib.parameters import NODES
-from jaxglide.air.environment import Environment
 from jaxglide.plot import morphology
 
 
@@ -15,7 +14,7 @@ def main() -> None:
         snake = Snake.from_svl(0.70, nodes=nodes, node_set=node_set)
         sections = discretise(snake)
         x, area, mass = sections.fraction, sections.area, sections.mass
-        loading = float(mass.sum() * Environment().gravity / area.sum())
+        loading = float(mass.sum() * 9.81 / area.sum())
         middles = float(mass @ x / mass.sum()), float(area @ x / area.sum())
         sizes = 1e3 * float(mass.sum()), 1e4 * float(area.sum()), loading
         rows.append((node_set, nodes, *sizes, *middles))

@@ -10,8 +10,8 @@ import numpy as np
 from jaxglide import Gait, Glider, Launch, Snake
 from jaxglide.ensemble.published import NU_THETA
 from jaxglide.plot import glide_polar_figure
+from jaxglide.tunnel.fall import fall
 from jaxglide.tunnel.glide_polar import body_polar, equilibrium, velocity_polar
-from jaxglide.tunnel.windtunnel import fall
 
 ALPHA = np.deg2rad(np.arange(-20.0, 90.5, 0.5))
 PITCH = np.arange(-20.0, 17.5, 2.5)  # deg

@@ -119,7 +119,7 @@ def main() -> None:
     gaits = {"best published": best_published(10.0)[0], "optimum": nominal(options)}
     gaits |= {f"optimum of the {how}": robust(how) for how in ("mean", "worst")}
     glide = fly(gaits["best published"], 10.0)
-    speed, mass = float(glide.take_off.speed), float(glide.glider.snake.mass)
+    speed, mass = float(glide.take_off.speed), float(glide.glider.body.mass)
     problem = problem_around(speed, mass)
     exact, fast = Evaluator(problem), Evaluator(problem, gradients=False)
     middle = np.array([[*gait.values(), 1.0, 1.0, speed, mass] for gait in gaits.values()])

@@ -7,55 +7,78 @@ set up JAX before anything loads it.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .air.environment import Environment
-    from .body.snake import Sections, Snake, discretise
-    from .flight.dynamics import Elements, Flight, Glider, elements, six_degrees_of_freedom
-    from .flight.glide import Glide, Outcome, Settings, reconstruct, simulate
-    from .flight.launch import Launch, TakeOff, take_off
-    from .loads.polar import Polar
-    from .shape.gait import Gait, shape_line
-
-__all__ = [
-    "Elements",
-    "Environment",
-    "Flight",
-    "Gait",
-    "Glide",
-    "Glider",
-    "Launch",
-    "Outcome",
-    "Polar",
-    "Sections",
-    "Settings",
-    "Snake",
-    "TakeOff",
-    "discretise",
-    "elements",
-    "reconstruct",
-    "shape_line",
-    "simulate",
-    "six_degrees_of_freedom",
-    "take_off",
-]
-
-_HOME = {
-    "flight.dynamics": ("Elements", "Flight", "Glider", "elements", "six_degrees_of_freedom"),
-    "air.environment": ("Environment",),
-    "shape.gait": ("Gait", "shape_line"),
-    "flight.glide": ("Glide", "Outcome", "Settings", "reconstruct", "simulate"),
-    "flight.launch": ("Launch", "TakeOff", "take_off"),
-    "loads.polar": ("Polar",),
-    "body.snake": ("Sections", "Snake", "discretise"),
+_ROOMS = {
+    "body": (
+        "AbstractBody",
+        "Sections",
+        "Snake",
+        "TabulatedBody",
+        "discretise",
+    ),
+    "shape": (
+        "AbstractDrive",
+        "AbstractLaw",
+        "AbstractMotion",
+        "AbstractShape",
+        "Actuated",
+        "AttitudeLaw",
+        "Bending",
+        "Coordinates",
+        "Driven",
+        "Gait",
+        "Observation",
+        "Planned",
+        "Programme",
+        "Running",
+        "Serpenoid",
+        "TabulatedMotion",
+        "Waveform",
+        "shape_line",
+    ),
+    "air": ("AbstractAir", "Gust", "ShearWind", "StillAir", "Turbulence", "UniformWind"),
+    "loads": (
+        "AbstractAerodynamics",
+        "AbstractPolar",
+        "Aerodynamics",
+        "Flow",
+        "LaggingCirculation",
+        "Polar",
+        "SweepTheory",
+        "TabulatedPolar",
+    ),
+    "flight": (
+        "AbstractEnd",
+        "AngleLimit",
+        "Elements",
+        "End",
+        "Flight",
+        "Glide",
+        "Glider",
+        "Ground",
+        "Launch",
+        "Outcome",
+        "Plane",
+        "Settings",
+        "TakeOff",
+        "TimeLimit",
+        "Trajectory",
+        "elements",
+        "integrate",
+        "reconstruct",
+        "simulate",
+        "six_degrees_of_freedom",
+        "take_off",
+    ),
+    "tunnel": ("equilibrium", "fall", "loads_at_end", "trim"),
 }
+__all__ = sorted(name for names in _ROOMS.values() for name in names)
 
 
 def __getattr__(name: str):
-    for module, names in _HOME.items():
+    for room, names in _ROOMS.items():
         if name in names:
-            value = getattr(import_module(f".{module}", __name__), name)
+            value = getattr(import_module(f".{room}", __name__), name)
             globals()[name] = value
             return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

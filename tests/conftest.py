@@ -118,7 +118,7 @@ def peer():
 def flight():
     """The published gait on 70 nodes, at its launch phase, as the vector field takes it."""
     glider = jg.Glider(jg.Snake.from_svl(), jg.Gait.from_degrees())
-    return jg.Flight(glider, jax.jit(jg.discretise)(glider.snake), jnp.asarray(-0.02781640625))
+    return jg.Flight(glider, jax.jit(jg.discretise)(glider.body), jnp.asarray(-0.02781640625))
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ Mat3: TypeAlias = Float[Array, "3 3"]
 Nodes: TypeAlias = Float[Array, " n"]
 Nodes3: TypeAlias = Float[Array, "3 n"]
 NodesNodes: TypeAlias = Float[Array, "n n"]
-State: TypeAlias = Float[Array, "13"]
+State: TypeAlias = Float[Array, " s"]
 Integer: TypeAlias = Int[Array, ""]
 Flag: TypeAlias = Bool[Array, ""]
 

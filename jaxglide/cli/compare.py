@@ -65,7 +65,7 @@ def _draw(folder: Path, flown, args) -> None:
 def _run(args) -> int:
     import numpy as np
 
-    from ..flight.glide import Outcome
+    from ..flight.ends import Outcome
     from ..flights.comparison import compare_paths, summary
     from ..flights.flights import fly_flights
 

@@ -27,7 +27,8 @@ def _run(args) -> int:
     import diffrax
     import numpy as np
 
-    from ..flight.glide import Outcome, simulate
+    from ..flight.ends import Outcome
+    from ..flight.glide import simulate
 
     glider, launch = build_from(args)
     solvers = (diffrax.Dopri5, diffrax.Tsit5, diffrax.Dopri8, diffrax.Bosh3)

@@ -31,7 +31,7 @@ def add(commands) -> None:
 
 def _run(args) -> int:
     from ..ensemble.published import borderline, shape_space, summary
-    from ..flight.glide import Outcome
+    from ..flight.ends import Outcome
 
     begin = time.perf_counter()
     data = shape_space(args.height, rtol=args.rtol, atol=args.atol)

@@ -102,7 +102,7 @@ def _report(study, data, took: float, as_json: bool) -> int:
     """Print how the glides ended; returns the exit code: 1 unless all were computed."""
     import numpy as np
 
-    from ..flight.glide import Outcome
+    from ..flight.ends import Outcome
 
     codes = data.outcome.values.ravel()
     counts = {str(o): int((codes == o).sum()) for o in Outcome if (codes == o).any()}

@@ -99,7 +99,7 @@ def _glides(args, changes):
 
 def _computed(glides, labels) -> bool:
     """Whether all glides were computed to their ends; those that were not are named."""
-    from ..flight.glide import Outcome
+    from ..flight.ends import Outcome
 
     outcomes = [Outcome(int(glide.outcome)) for glide in glides]
     lost = [k for k, outcome in enumerate(outcomes) if outcome > Outcome.UNSTABLE_ROLL]

@@ -45,8 +45,8 @@ def add(commands) -> None:
 def _run(args) -> int:
     import numpy as np
 
-    from ..flight.glide import Outcome
-    from ..tunnel import windtunnel as tunnel
+    from .. import tunnel
+    from ..flight.ends import Outcome
     from ..tunnel.glide_polar import equilibrium
     from ..tunnel.trim import derivatives
 
@@ -66,7 +66,7 @@ def _run(args) -> int:
         "time": float(fallen.time),
         "position": np.asarray(fallen.state)[:2].tolist(),
         "velocity": velocity[1:].tolist(),
-        **_moments(tunnel.loads_at_end(fallen, args.phases), float(glider.snake.length)),
+        **_moments(tunnel.loads_at_end(fallen, args.phases), float(glider.body.length)),
         "pitch_moment_derivatives_N_mm_per_unit": _effects(
             derivatives(glider, velocity, angles, **held)
         ),
@@ -104,7 +104,7 @@ def _moments(read, length: float) -> dict:
     import numpy as np
 
     from ..ensemble.survey import ABOUT
-    from ..tunnel.windtunnel import over_phases
+    from ..tunnel.loads import over_phases
 
     air, shape = over_phases(read.aerodynamic), over_phases(read.inertial)
     still = _STILL * length * float(np.abs(read.force).max())
@@ -134,8 +134,8 @@ def _effects(slopes) -> dict:
     """Derivatives of the pitch moment [N mm per unit], by attitude and gait."""
     import numpy as np
 
+    from ..tunnel.loads import PITCH
     from ..tunnel.trim import GAIT_PARAMETERS
-    from ..tunnel.windtunnel import PITCH
 
     rates = {"pitch": (slopes.pitch_stiffness, "deg")}
     for name in GAIT_PARAMETERS:

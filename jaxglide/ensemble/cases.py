@@ -9,7 +9,7 @@ import numpy as np
 
 from .._lib.checks import check_choice, check_integer, check_range
 from .._lib.parameters import CHOICES, NODES, NODES_RANGE, PARAMETERS
-from ..air.environment import Environment
+from ..air.air import StillAir
 from ..body.snake import Snake
 from ..flight.dynamics import Glider
 from ..flight.launch import Launch
@@ -74,8 +74,8 @@ def build(case: Mapping[str, Any], setup: Mapping[str, Any]) -> tuple[Glider, La
         node_set=setup["node_set"],
     )
     polar = Polar.from_name(setup["polar"], given["lift_scale"], given["drag_scale"])
-    air = (given[name] for name in ("gravity", "air_density", "kinematic_viscosity"))
-    glider = Glider(snake, gait, polar, Environment(*air))
+    air = StillAir(**{name: given[name] for name in ("air_density", "kinematic_viscosity")})
+    glider = Glider(snake, gait, polar, air, given["gravity"])
     elevation, heading = (
         jnp.deg2rad(jnp.asarray(given[name], float)) for name in ("elevation", "heading")
     )

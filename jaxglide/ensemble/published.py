@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from .._lib.parameters import TOLERANCE
-from ..flight.glide import Outcome
+from ..flight.ends import Outcome
 from ..shape.gait import shape_line
 from .study import Study
 from .sweep import sweep

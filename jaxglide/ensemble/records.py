@@ -15,9 +15,11 @@ import xarray as xr
 
 from .._lib.parameters import PARAMETERS
 from .._lib.units import labelled
-from ..body.snake import discretise
+from ..body.sections import discretise
 from ..flight.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY
-from ..flight.glide import Glide, Outcome, reconstruct
+from ..flight.ends import Outcome
+from ..flight.glide import Glide
+from ..flight.trajectory import reconstruct
 from .study import Study
 
 # name: (part of the state, trailing dimensions, unit, long name, radians inside)
@@ -139,9 +141,17 @@ _GIVEN = {
 def _parameters(glide: Glide) -> dict[str, Any]:
     """Every number with a unit that went into a glide, as a coordinate, in people's units."""
     glider, launch, settings = glide.glider, glide.launch, glide.settings
-    parts = (glider.snake, glider.gait, glider.polar, glider.environment, launch, settings)
+    parts = (
+        glider,
+        glider.body,
+        glider.gait,
+        glider.aerodynamics.polar,
+        glider.air,
+        launch,
+        settings,
+    )
     given: dict[str, Any] = {name: v for part in parts for name, v in vars(part).items()}
-    given |= {"svl": glider.snake.length, "launch_attitude": launch.angles}
+    given |= {"svl": glider.body.length, "launch_attitude": launch.angles}
     found = {}
     for name in (*PARAMETERS, *_GIVEN):
         if given.get(name) is None:
@@ -156,7 +166,7 @@ def _parameters(glide: Glide) -> dict[str, Any]:
 
 def _node_coordinates(glide: Glide) -> dict[str, Any]:
     """Where the nodes are along the body, and what they stand for."""
-    snake, sections = glide.glider.snake, discretise(glide.glider.snake)
+    snake, sections = glide.glider.body, discretise(glide.glider.body)
     return {
         "arc_length": ("node", sections.fraction * snake.length, labelled("m", "arc length")),
         "node_chord": ("node", sections.chord, labelled("m", "chord at the node")),
@@ -166,8 +176,8 @@ def _node_coordinates(glide: Glide) -> dict[str, Any]:
 
 def _settings(glide: Glide) -> dict[str, Any]:
     """Names, counts, tolerances and coefficients that went into a glide."""
-    snake, settings = glide.glider.snake, glide.settings
-    degree = glide.glider.polar.cells.shape[-1] - 1
+    snake, settings = glide.glider.body, glide.settings
+    degree = glide.glider.aerodynamics.polar.cells.shape[-1] - 1
     coefficients = ["chord", "head_density", "body_density"]
     coefficients += [] if snake.gyration is None else ["gyration"]
     return {

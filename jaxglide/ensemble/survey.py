@@ -10,13 +10,8 @@ import xarray as xr
 from .._lib.checks import check_kind, check_range, warn_float32
 from .._lib.parameters import HELD_SPEED, MAX_STEPS, MAX_TIME
 from .._lib.units import labelled
-from ..tunnel.windtunnel import (
-    MOMENT_PHASES,
-    check_angles,
-    fall,
-    over_phases,
-    read_records,
-)
+from ..tunnel.fall import fall, read_records
+from ..tunnel.loads import MOMENT_PHASES, check_angles, over_phases
 from .batch import spread
 from .cases import build
 from .records import stamp, study_coordinates

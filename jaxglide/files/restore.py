@@ -10,11 +10,13 @@ import xarray as xr
 
 from .._lib.datasets import Schema, Variable, checked
 from .._lib.parameters import PARAMETERS
-from ..air.environment import Environment
+from ..air.air import StillAir
 from ..body.snake import Snake
 from ..flight.dynamics import Glider
-from ..flight.glide import Glide, Outcome, Settings
+from ..flight.ends import Outcome, default_ends
+from ..flight.glide import Glide
 from ..flight.launch import Launch, TakeOff
+from ..flight.solve import Settings
 from ..loads.polar import Polar
 from ..shape.gait import Gait
 
@@ -154,15 +156,16 @@ def _glide(data: xr.Dataset) -> Glide:
         rtol=jnp.asarray(float(attrs["rtol"])),
         atol=jnp.asarray(float(attrs["atol"])),
         times=None,
+        ends=default_ends(),
         solver=diffrax.Dopri5(),
         step=None if step is None else float(step),
-        max_time=data["max_time"].item(),
+        max_time=jnp.asarray(data["max_time"].item()),
         max_steps=int(attrs["max_steps"]),
         dense=bool(attrs["dense"]),
     )
-    gait, air = Gait(**_numbers(data, *_GAIT)), Environment(**_numbers(data, *_AIR))
+    gait, air = Gait(**_numbers(data, *_GAIT)), StillAir(**_numbers(data, *_AIR[1:]))
     return Glide(
-        glider=Glider(_snake(data), gait, polar, air),
+        glider=Glider(_snake(data), gait, polar, air, data["gravity"].item()),
         launch=launch,
         settings=settings,
         take_off=start,

@@ -1,6 +1,6 @@
 """Equations of motion (eqs 4-5, 16-20, 22).
 
-The state of a glide is one flat vector of 13 numbers:
+The state of a flight is one flat vector. Its first 13 numbers are those of a rigid body:
 
 | index | what | unit |
 | --- | --- | --- |
@@ -9,25 +9,28 @@ The state of a glide is one flat vector of 13 numbers:
 | 6:9 | angular velocity, body axes | rad/s |
 | 9:12 | yaw, pitch, roll | rad |
 | 12 | horizontal path length so far | m |
+
+Behind them stand the own states of the motion (its drive's), then those of the
+aerodynamics; most have none.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from .._lib.checks import check_kind, is_traced
+from .._lib.checks import check_kind
+from .._lib.fields import Part, about, floats, recheck
 from .._lib.numerics import cross, safe_sqrt, solve3
-from .._lib.types import Mat3, Nodes3, Scalar, State
-from ..air.environment import Environment
-from ..body.snake import Sections, Snake
-from ..loads.aerodynamics import Aerodynamics, element_forces
+from .._lib.types import Array, Float, Mat3, Nodes3, Scalar, State
+from ..air.air import AbstractAir, StillAir
+from ..body.sections import AbstractBody, Sections
+from ..loads.aerodynamics import AbstractAerodynamics, Aerodynamics, Flow, SweepTheory
 from ..loads.inertia import inertia_tensor, moment_of, over_nodes, section_moment
-from ..loads.polar import Polar
-from ..shape.gait import Gait
-from ..shape.kinematics import Backbone, backbone, wave_phase
+from ..loads.polar import AbstractPolar, Polar
+from ..shape.kinematics import Backbone, backbone
+from ..shape.motion import AbstractMotion, Observation
 from .attitude import angle_rates, rotation_matrix
 
 POSITION = slice(0, 3)
@@ -35,15 +38,28 @@ VELOCITY = slice(3, 6)
 OMEGA = slice(6, 9)
 ANGLES = slice(9, 12)
 PATH = 12
+RIGID = 13
+"""How many numbers of the state are those of a rigid body."""
 
-ANGLE_LIMIT = np.deg2rad(85.0)
-"""A glide whose |yaw|, |pitch| or |roll| reaches this is unstable [rad]."""
+
+def _aerodynamics(given: Any) -> Any:
+    """A bare polar becomes sweep theory with it."""
+    return SweepTheory(given) if isinstance(given, AbstractPolar) else given
 
 
-class Glider(eqx.Module):
-    """What flies: a snake, its gait, its force coefficients, and the air around it.
+class Glider(Part):
+    """What flies: a body, how it bends, the air's forces on it, the air, and gravity.
 
-    Every float in it can be differentiated with respect to.
+    Every float in it can be differentiated with respect to. Each part is a seam: its abstract
+    class says what another one must do.
+
+    Args:
+        body: a `Snake`, or another `AbstractBody`.
+        gait: a `Gait`, or another `AbstractMotion`.
+        aerodynamics: `SweepTheory` or another `AbstractAerodynamics`; a polar alone means
+            sweep theory with it. By default with the published polar.
+        air: `StillAir`, or another `AbstractAir`.
+        gravity: gravitational acceleration [m/s^2], 0 to 100.
 
     Raises:
         TypeError: a part is of another type.
@@ -51,18 +67,24 @@ class Glider(eqx.Module):
             own axis (see `Snake.gyration`).
     """
 
-    snake: Snake
-    gait: Gait
-    polar: Polar = eqx.field(default_factory=Polar.published)
-    environment: Environment = eqx.field(default_factory=Environment)
+    body: AbstractBody
+    gait: AbstractMotion
+    aerodynamics: AbstractAerodynamics = eqx.field(
+        converter=_aerodynamics, default_factory=lambda: SweepTheory(Polar.published())
+    )
+    air: AbstractAir = eqx.field(default_factory=StillAir)
+    gravity: Scalar = eqx.field(
+        converter=floats,
+        default=9.81,
+        metadata=about("m/s^2", "gravitational acceleration", symbol="g", low=0, high=100),
+    )
 
     def __check_init__(self):
-        check_kind("snake", self.snake, Snake).__check_init__()
-        check_kind("gait", self.gait, Gait).__check_init__()
-        check_kind("polar", self.polar, Polar).__check_init__()
-        check_kind("environment", self.environment, Environment).__check_init__()
-        bends = [getattr(self.gait, n) for n in ("theta_m", "psi_m", "d_psi", "d_theta")]
-        if self.snake.gyration is None and not any(is_traced(b) or float(b) for b in bends):
+        check_kind("body", self.body, AbstractBody)
+        check_kind("gait", self.gait, AbstractMotion)
+        check_kind("aerodynamics", self.aerodynamics, AbstractAerodynamics)
+        check_kind("air", self.air, AbstractAir)
+        if self.gait.straight and getattr(self.body, "gyration", 0.0) is None:
             raise ValueError(
                 "gyration = None is not allowed of a straight body (theta_m, psi_m, d_psi and "
                 "d_theta all 0): with all mass on the backbone it has no inertia about its own "
@@ -72,7 +94,7 @@ class Glider(eqx.Module):
 
 def check_glider(glider) -> Glider:
     """`glider`, checked again: its parts may have been exchanged since it was made."""
-    check_kind("glider", glider, Glider).__check_init__()
+    recheck(check_kind("glider", glider, Glider))
     return glider
 
 
@@ -81,13 +103,13 @@ class Flight(NamedTuple):
 
     Attributes:
         glider: the glider.
-        sections: its snake, discretised.
-        phi_theta: launch phase of the horizontal wave [rad].
+        sections: its body, discretised.
+        phase: launch phase of the motion [rad].
     """
 
     glider: Glider
     sections: Sections
-    phi_theta: Scalar
+    phase: Scalar
 
 
 class Elements(NamedTuple):
@@ -95,12 +117,13 @@ class Elements(NamedTuple):
 
     Attributes:
         body: positions, velocities, accelerations and frames in co-moving axes.
-        air_velocity: velocity through the air [m/s], (3, n).
+        air_velocity: velocity through the air, wind taken off [m/s], (3, n).
         relative_acceleration: acceleration relative to the centre of mass but for the
             part due to the angular acceleration [m/s^2], (3, n).
         moment: moment of the air's force about the centre of mass [N m], (3, n).
         aerodynamics: forces, coefficients and angles of every element.
         R_BI: rotation from inertial to body components, (3, 3).
+        rates: of the own states of motion and aerodynamics, (k,).
     """
 
     body: Backbone
@@ -109,6 +132,56 @@ class Elements(NamedTuple):
     moment: Nodes3
     aerodynamics: Aerodynamics
     R_BI: Mat3
+    rates: Float[Array, " k"]
+
+
+def observation(state: State) -> Observation:
+    """What a drive may see of a state."""
+    return Observation(state[POSITION], state[VELOCITY], state[OMEGA], state[ANGLES])
+
+
+def _moving(time, state, own, flight: Flight):
+    """The backbone, the rates of the motion's own states, and the elements' flow."""
+    glider, sections, phase = flight
+    wave, rates = glider.gait.bending(
+        sections.fraction, sections.neck_fraction, time, phase, own, observation(state)
+    )
+    body = backbone(sections, wave)
+    R_BI = rotation_matrix(state[ANGLES])
+    velocity_B = jnp.sum(R_BI * state[VELOCITY], axis=1)
+    spin = cross(state[OMEGA], body.position)
+    velocity = velocity_B[:, None] + body.velocity + spin
+    place = R_BI.T @ body.position + state[POSITION][:, None]
+    wind = glider.air.wind(place, time)
+    if wind is not None:
+        velocity = velocity - R_BI @ wind
+    flow = Flow(
+        velocity=velocity,
+        position=body.position,
+        tangent=body.tangent,
+        chord_direction=body.chord,
+        normal=body.normal,
+        chord=sections.chord,
+        area=sections.area,
+        air_density=glider.air.air_density,
+        kinematic_viscosity=glider.air.kinematic_viscosity,
+    )
+    return body, rates, flow, R_BI, spin
+
+
+def with_own_states(time: Scalar, rigid: State, flight: Flight) -> State:
+    """A state whose motion and aerodynamics start here.
+
+    Args:
+        time: since launch [s].
+        rigid: its first 13 numbers.
+        flight: glider, sections and launch phase.
+    """
+    glider = flight.glider
+    own = glider.gait.start(flight.phase)
+    flow = _moving(time, rigid, own, flight)[2]
+    more = [part for part in (own, glider.aerodynamics.start(flow)) if part.shape[0]]
+    return jnp.concatenate([rigid, *more]) if more else rigid
 
 
 def elements(time: Scalar, state: State, flight: Flight) -> Elements:
@@ -116,25 +189,22 @@ def elements(time: Scalar, state: State, flight: Flight) -> Elements:
 
     Args:
         time: since launch [s].
-        state: the 13 numbers named in this module.
+        state: as described in this module.
         flight: glider, sections and launch phase.
     """
-    glider, sections, phi_theta = flight
-    phase, phase_rate = wave_phase(glider.gait, phi_theta, time)
-    body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, phase_rate)
-    R_BI = rotation_matrix(state[ANGLES])
-    velocity_B = jnp.sum(R_BI * state[VELOCITY], axis=1)
-    omega_B = state[OMEGA]
-    spin = cross(omega_B, body.position)
-    air_velocity = velocity_B[:, None] + body.velocity + spin
+    glider = flight.glider
+    count = jax.eval_shape(glider.gait.start, flight.phase).shape[0]
+    own, lag = state[RIGID : RIGID + count], state[RIGID + count :]
+    body, own_rates, flow, R_BI, spin = _moving(time, state, own, flight)
     # r'' + 2 omega x r' + omega x (omega x r); the term in omega' is the unknown
-    relative = body.acceleration + cross(omega_B, 2 * body.velocity + spin)
-    air = element_forces(sections, body, air_velocity, glider.polar, glider.environment)
+    relative = body.acceleration + cross(state[OMEGA], 2 * body.velocity + spin)
+    air, lag_rates = glider.aerodynamics(flow, lag)
     moment = cross(body.position, air.force)
-    return Elements(body, air_velocity, relative, moment, air, R_BI)
+    rates = jnp.concatenate([own_rates, lag_rates])
+    return Elements(body, flow.velocity, relative, moment, air, R_BI, rates)
 
 
-@jax.jit
+@eqx.filter_jit
 def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
     """Rate of the state in free flight.
 
@@ -145,15 +215,15 @@ def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
 
     Args:
         time: since launch [s].
-        state: the 13 numbers named in this module.
+        state: as described in this module.
         flight: glider, sections and launch phase.
     """
     glider, sections, _ = flight
     now = elements(time, state, flight)
     force_B = over_nodes(now.aerodynamics.force)
     force_I = jnp.sum(now.R_BI * force_B[:, None], axis=0)
-    weight = jnp.stack([0.0 * glider.environment.gravity] * 2 + [glider.environment.gravity])
-    acceleration = force_I / glider.snake.mass - weight
+    weight = jnp.stack([0.0 * glider.gravity] * 2 + [glider.gravity])
+    acceleration = force_I / sections.total_mass - weight
     effective = now.aerodynamics.force - sections.mass * now.relative_acceleration
     moment = moment_of(now.body.position, effective)
     if sections.axial_inertia is not None:
@@ -161,12 +231,11 @@ def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
     omega_dot = solve3(inertia_tensor(sections, now.body), moment)
     velocity = state[VELOCITY]
     path_rate = safe_sqrt(velocity[0] ** 2 + velocity[1] ** 2)
-    return jnp.concatenate(
-        [
-            velocity,
-            acceleration,
-            omega_dot,
-            angle_rates(state[ANGLES], state[OMEGA]),
-            path_rate[None],
-        ]
-    )
+    rates = [
+        velocity,
+        acceleration,
+        omega_dot,
+        angle_rates(state[ANGLES], state[OMEGA]),
+        path_rate[None],
+    ]
+    return jnp.concatenate([*rates, now.rates] if now.rates.shape[0] else rates)

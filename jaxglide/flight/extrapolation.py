@@ -4,31 +4,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..body.snake import discretise
-from ..loads.polar import MEASURED_ANGLES, REYNOLDS
-from .glide import Glide, reconstruct
+from ..body.sections import discretise
+from ..loads.polar import AbstractPolar
+from .glide import Glide
+from .trajectory import reconstruct
 
 
 class Extrapolation(NamedTuple):
     """Shares of body length and time beyond the measurements, 0 to 1.
 
     Attributes:
-        angle_of_attack: below -10 or above 60 degrees.
-        reynolds: below 3000 or above 15000.
+        angle_of_attack: outside the measured ones (of the snake -10 to 60 degrees).
+        reynolds: outside the measured ones (of the snake 3000 to 15000).
         either: one of them or both.
+        angles: angles of attack that were measured, lowest and highest [deg].
+        numbers: Reynolds numbers that were, lowest and highest.
     """
 
     angle_of_attack: float
     reynolds: float
     either: float
+    angles: tuple[float, float]
+    numbers: tuple[float, float]
 
     def __str__(self) -> str:
-        low, high = MEASURED_ANGLES
+        (low, high), (least, most) = self.angles, self.numbers
         return (
             f"{100 * self.either:.0f} % of body and flight lies beyond the measured force "
             f"coefficients: {100 * self.angle_of_attack:.0f} % outside angles of attack of "
             f"{low:g} to {high:g} deg, {100 * self.reynolds:.0f} % outside Re of "
-            f"{REYNOLDS[0]:g} to {REYNOLDS[-1]:g}"
+            f"{least:g} to {most:g}"
         )
 
 
@@ -40,16 +45,19 @@ def extrapolation(glide: Glide, count: int = 400) -> Extrapolation:
         count: number of times it is looked at, equally spaced from launch to end.
 
     Raises:
-        ValueError: the glide kept no trajectory.
+        ValueError: the glide kept no trajectory, or its aerodynamics has no polar.
     """
     seen = reconstruct(glide, np.linspace(0.0, float(glide.time), count)).aerodynamics
     angle, reynolds = np.rad2deg(seen.angle_of_attack), np.asarray(seen.reynolds)
-    low, high = MEASURED_ANGLES
+    polar = getattr(glide.glider.aerodynamics, "polar", None)
+    if not isinstance(polar, AbstractPolar):
+        raise ValueError("the aerodynamics of this glide has no polar that was measured")
+    (low, high), (least, most) = polar.measured_angles, polar.measured_reynolds
     beyond_angle = (angle < low) | (angle > high)
-    beyond_reynolds = (reynolds < REYNOLDS[0]) | (reynolds > REYNOLDS[-1])
-    sections = discretise(glide.glider.snake)
+    beyond_reynolds = (reynolds < least) | (reynolds > most)
+    sections = discretise(glide.glider.body)
     length = np.asarray(sections.area / sections.chord)
     share = length / length.sum() / count
     both = beyond_angle | beyond_reynolds
     parts = (float(np.sum(out * share)) for out in (beyond_angle, beyond_reynolds, both))
-    return Extrapolation(*parts)
+    return Extrapolation(*parts, (low, high), (least, most))

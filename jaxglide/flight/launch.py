@@ -9,14 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from .._lib.checks import check_range, check_shapes, number, optional_number
+from .._lib.checks import check_range, is_traced
+from .._lib.fields import Part, about, floats
 from .._lib.numerics import safe_sqrt, sincos, solve3
 from .._lib.types import Array, Float, Mat3, Scalar, State, Vec3
-from ..body.snake import Sections
+from ..body.sections import Sections
 from ..loads.inertia import angular_momentum, inertia_tensor
 from ..shape.kinematics import backbone
 from .attitude import angle_rates, rotation_matrix
-from .dynamics import ANGLE_LIMIT, Glider
+from .dynamics import Flight, Glider, with_own_states
+from .ends import ANGLE_LIMIT
 
 _PHASES = 128  # samples of the shape over a period of its waves
 _STEPS = 16  # fixed Dopri8 steps over the cycle that sets the attitude
@@ -26,45 +28,71 @@ _PUBLISHED_SPEED = 0.2409
 """Launch speed over sqrt(2 wing loading/air density): 1.7 m/s at 29 N/m^2."""
 
 
-class Launch(eqx.Module):
+class Launch(Part):
     """How the glide starts: forward, by default horizontally, without rotation.
 
     Args:
-        height: height of the centre of mass above the ground [m], above 0.
+        height: height of the centre of mass above z = 0 [m], above 0.
         speed: launch speed [m/s], 0 to 200; by default the published one, which grows
             with the square root of wing loading (1.7534 m/s for the default snake).
         phi_theta: phase of the horizontal wave [rad]; by default the one that minimises
-            the angular momentum of the shape change.
-        angles: yaw, pitch, roll [rad], (3,), below 85 degrees; by default minus the mean
-            attitude over a free undulation cycle.
+            the angular momentum of the shape change (0 for a motion without a cycle).
+        angles: yaw, pitch, roll [rad], (3,), the pitch below 85 degrees; by default minus
+            the mean attitude over a free undulation cycle (level without a cycle).
         elevation: of the launch velocity above the horizontal [rad], -pi/2 to pi/2.
         heading: of the launch velocity to the left of forward [rad], -pi to pi.
+        omega: angular velocity, body axes [rad/s], (3,); by default none.
 
     Raises:
         ValueError: a value is not finite or out of range.
     """
 
-    height: Scalar = eqx.field(converter=number("height"), default=10.0)
-    speed: Scalar | None = eqx.field(converter=optional_number("speed"), default=None)
-    phi_theta: Scalar | None = eqx.field(converter=optional_number("phi_theta"), default=None)
-    angles: Vec3 | None = eqx.field(converter=optional_number("angles"), default=None)
-    elevation: Scalar = eqx.field(converter=number("elevation"), default=0.0)
-    heading: Scalar = eqx.field(converter=number("heading"), default=0.0)
+    height: Scalar = eqx.field(
+        converter=floats,
+        default=10.0,
+        metadata=about("m", "launch height", low=0, high=1e5, low_open=True),
+    )
+    speed: Scalar | None = eqx.field(
+        converter=floats, default=None, metadata=about("m/s", "launch speed", low=0, high=200)
+    )
+    phi_theta: Scalar | None = eqx.field(
+        converter=floats,
+        default=None,
+        metadata=about("rad", "launch phase", symbol=r"\phi_\theta", low=-1e3, high=1e3),
+    )
+    angles: Vec3 | None = eqx.field(
+        converter=floats, default=None, metadata=about("rad", "launch attitude")
+    )
+    elevation: Scalar = eqx.field(
+        converter=floats,
+        default=0.0,
+        metadata=about("deg", "launch direction above the horizontal", low=-90, high=90),
+    )
+    heading: Scalar = eqx.field(
+        converter=floats,
+        default=0.0,
+        metadata=about("deg", "launch direction to the left of forward", low=-180, high=180),
+    )
+    omega: Vec3 | None = eqx.field(
+        converter=floats,
+        default=None,
+        metadata=about("rad/s", "angular velocity at launch", low=-1e3, high=1e3),
+    )
 
     def __check_init__(self):
-        check_shapes(self)
-        check_range("height", self.height, "m", 0, 1e5, low_open=True)
-        check_range("elevation", self.elevation, "rad", -np.pi / 2, np.pi / 2)
-        check_range("heading", self.heading, "rad", -np.pi, np.pi)
-        if self.speed is not None:
-            check_range("speed", self.speed, "m/s", 0, 200)
-        if self.phi_theta is not None:
-            check_range("phi_theta", self.phi_theta, "rad", -1e3, 1e3)
-        if self.angles is not None:
-            limit = ANGLE_LIMIT
-            check_range(
-                "angles", self.angles, "rad", -limit, limit, low_open=True, high_open=True
-            )
+        if self.angles is None or is_traced(self.angles):
+            return
+        limits = np.array([np.pi, ANGLE_LIMIT, np.pi])
+        check_range(
+            "angles",
+            self.angles[1],
+            "rad",
+            -limits[1],
+            limits[1],
+            low_open=True,
+            high_open=True,
+        )
+        check_range("angles", self.angles, "rad", -np.pi, np.pi)
 
 
 class TakeOff(eqx.Module):
@@ -74,7 +102,7 @@ class TakeOff(eqx.Module):
         phi_theta: launch phase of the horizontal wave [rad].
         angles: yaw, pitch, roll [rad], (3,).
         speed: launch speed [m/s].
-        state: the 13 numbers of the state at t = 0 (see `dynamics`).
+        state: at t = 0 (see `dynamics`), (13 or more,).
     """
 
     phi_theta: Scalar
@@ -85,9 +113,8 @@ class TakeOff(eqx.Module):
 
 def published_speed(glider: Glider, sections: Sections) -> Scalar:
     """The published launch speed, 0.2409 sqrt(2 W_s/rho) [m/s]."""
-    air = glider.environment
-    loading = glider.snake.mass * air.gravity / jnp.sum(sections.area)
-    return _PUBLISHED_SPEED * safe_sqrt(2 * loading / air.air_density)
+    loading = sections.total_mass * glider.gravity / jnp.sum(sections.area)
+    return _PUBLISHED_SPEED * safe_sqrt(2 * loading / glider.air.air_density)
 
 
 def launch_velocity(launch: Launch, speed: Scalar) -> Vec3:
@@ -112,11 +139,19 @@ class Cycle(eqx.Module):
     sines: Float[Array, "12 k"]
 
     @classmethod
-    def of(cls, glider: Glider, sections: Sections) -> "Cycle":
-        """Sample the glider's body at `_PHASES` phases."""
+    def of(cls, glider: Glider, sections: Sections) -> "Cycle | None":
+        """Sample the glider's body at `_PHASES` phases; None without a cycle."""
+
+        def bent(phase):
+            return glider.gait.cycle(sections.fraction, sections.neck_fraction, phase)
+
+        if bent(jnp.zeros(())) is None:
+            return None
 
         def sample(phase):
-            body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, 1.0)
+            wave = bent(phase)
+            assert wave is not None
+            body = backbone(sections, wave)
             tensor = inertia_tensor(sections, body)
             return jnp.concatenate([angular_momentum(sections, body), tensor.ravel()])
 
@@ -249,21 +284,25 @@ def take_off(
     Args:
         glider: what flies.
         launch: how; what it leaves open is computed here.
-        sections: the glider's snake, discretised.
+        sections: the glider's body, discretised.
         adjoint: how Diffrax differentiates the attitude (forward mode by default).
     """
     if adjoint is None:
         adjoint = diffrax.ForwardMode()
     phi_theta, angles, speed = launch.phi_theta, launch.angles, launch.speed
-    cycle = Cycle.of(glider, sections)
+    cycle = None
+    if phi_theta is None or angles is None:
+        cycle = Cycle.of(glider, sections)
     if phi_theta is None:
-        phi_theta = launch_phase(cycle)
+        phi_theta = jnp.zeros(()) if cycle is None else launch_phase(cycle)
     if angles is None:
-        angles = launch_angles(cycle, phi_theta, adjoint)
+        angles = jnp.zeros(3) if cycle is None else launch_angles(cycle, phi_theta, adjoint)
     if speed is None:
         speed = published_speed(glider, sections)
     zero = jnp.zeros_like(angles)
     position = zero.at[2].set(launch.height)
     velocity = launch_velocity(launch, speed)
-    state = jnp.concatenate([position, velocity, zero, angles, zero[:1]])
+    omega = zero if launch.omega is None else launch.omega
+    rigid = jnp.concatenate([position, velocity, omega, angles, zero[:1]])
+    state = with_own_states(zero[0], rigid, Flight(glider, sections, phi_theta))
     return TakeOff(phi_theta, angles, speed, state)

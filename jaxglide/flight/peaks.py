@@ -1,4 +1,4 @@
-"""The largest angles of a glide, followed as it is solved."""
+"""The largest angles of a flight, followed as it is solved, and ends that are only grazed."""
 
 import diffrax
 import equinox as eqx
@@ -8,48 +8,47 @@ import jax.numpy as jnp
 from .._lib.numerics import safe_sqrt
 from .._lib.types import Array, Bool, Float, Scalar, State, Vec3
 from .attitude import angle_rates
-from .dynamics import ANGLE_LIMIT, ANGLES, OMEGA, VELOCITY
+from .dynamics import ANGLES, OMEGA, POSITION, VELOCITY
+from .ends import AbstractEnd, clearance
 
-# By float size: how far past a limit counts as past it [m, rad], and the shortest step that
+# By float size: how far past an end counts as past it [m, rad], and the shortest step that
 # is cut shorter still to see it [s].
 _PAST = {8: (1e-10, 1e-9), 4: (1e-5, 1e-4)}
 
 
-def beyond(watched: Float[Array, "4"]) -> Float[Array, "4"]:
-    """How far height and angles [m, rad] are past their limits, below 0 in flight."""
-    return jnp.concatenate([-watched[:1], jnp.abs(watched[1:]) - ANGLE_LIMIT])
-
-
 class _Point(eqx.Module):
-    """Height and angles [m, rad], (4,), at a time, and their rates."""
+    """Angles [rad] and ends at a time, (3 + k,), and their rates."""
 
     time: Scalar
-    value: Float[Array, "4"]
-    rate: Float[Array, "4"]
+    value: Float[Array, " w"]
+    rate: Float[Array, " w"]
 
     @classmethod
-    def of(cls, time, state: State) -> "_Point":
-        angles = state[ANGLES]
-        rates = angle_rates(angles, state[OMEGA])
-        return cls(
-            jnp.asarray(time, state.dtype),
-            jnp.concatenate([state[2:3], angles]),
-            jnp.concatenate([state[VELOCITY][2:], rates]),
-        )
+    def of(cls, time, state: State, ends: tuple[AbstractEnd, ...]) -> "_Point":
+        """What is followed, which depends on place and attitude alone: its rate is known."""
+        time = jnp.asarray(time, state.dtype)
+        moving = jnp.zeros_like(state).at[POSITION].set(state[VELOCITY])
+        moving = moving.at[ANGLES].set(angle_rates(state[ANGLES], state[OMEGA]))
+
+        def followed(state):
+            angles = state[ANGLES]
+            return jnp.concatenate([angles, clearance(ends, time, state)]) if ends else angles
+
+        return cls(time, *jax.jvp(followed, (state,), (moving,)))
 
 
 class _Step(eqx.Module):
     """The cubic through both ends of a step, values and slopes.
 
     Attributes:
-        end: values at its end, (4,).
+        end: values at its end, (3 + k,).
         places, extremes: fractions of the step at which it is stationary, in 0 to 1, and
-            the values there, (2, 4).
+            the values there, (2, 3 + k).
     """
 
-    end: Float[Array, "4"]
-    places: Float[Array, "2 4"]
-    extremes: Float[Array, "2 4"]
+    end: Float[Array, " w"]
+    places: Float[Array, "2 w"]
+    extremes: Float[Array, "2 w"]
 
     @classmethod
     def between(cls, start: _Point, end: _Point) -> "_Step":
@@ -66,17 +65,17 @@ class _Step(eqx.Module):
     @property
     def largest(self) -> Vec3:
         """Largest |angles| after its start [rad], (3,)."""
-        within = jnp.max(jnp.abs(self.extremes[:, 1:]), axis=0)
-        return jnp.maximum(within, jnp.abs(self.end[1:]))
+        within = jnp.max(jnp.abs(self.extremes[:, :3]), axis=0)
+        return jnp.maximum(within, jnp.abs(self.end[:3]))
 
     def first_graze(self, past: float) -> tuple[Bool[Array, ""], Scalar]:
-        """Whether a limit is passed on the way but not at the end, and where first."""
-        passed = (jax.vmap(beyond)(self.extremes) > past) & (beyond(self.end) <= 0)
-        return jnp.any(passed), jnp.min(jnp.where(passed, self.places, 1.0))
+        """Whether an end is passed on the way but not at the end, and where first."""
+        passed = (self.extremes[:, 3:] < -past) & (self.end[3:] >= 0)
+        return jnp.any(passed), jnp.min(jnp.where(passed, self.places[:, 3:], 1.0), initial=1.0)
 
 
 class Peaks(eqx.Module):
-    """Largest |angles| of a glide up to a point, and over the step from there on.
+    """Largest |angles| of a flight up to a point, and over the step from there on.
 
     Attributes:
         largest: up to `point` [rad], (3,).
@@ -89,33 +88,34 @@ class Peaks(eqx.Module):
     point: _Point
 
     @classmethod
-    def start(cls, time, state) -> "Peaks":
+    def start(cls, time, state, ends: tuple[AbstractEnd, ...] = ()) -> "Peaks":
         largest = jnp.abs(state[ANGLES])
-        return cls(largest, largest, _Point.of(time, state))
+        return cls(largest, largest, _Point.of(time, state, ends))
 
     def upto(self, time, state) -> Vec3:
         """Largest |angles| to a point within the latest step [rad], (3,)."""
-        step = _Step.between(self.point, _Point.of(time, state))
+        start = _Point(self.point.time, self.point.value[:3], self.point.rate[:3])
+        step = _Step.between(start, _Point.of(time, state, ()))
         return jnp.maximum(self.largest, step.largest)
 
 
 class PeakController(diffrax.AbstractStepSizeController):
     """A step size controller that also follows the largest angles of the accepted steps.
 
-    Events are seen at the ends of steps only. So a step in whose midst an angle or the ground
-    grazes its limit is taken again, up to there. What it follows never contradicts how the
-    glide ends. The last step may be cut short by an event: it is kept apart, to be covered to
-    its true end.
+    Events are seen at the ends of steps only. So a step in whose midst an end is grazed is
+    taken again, up to there. What it follows never contradicts how the flight ends. The last
+    step may be cut short by an event: it is kept apart, to be covered to its true end.
     """
 
     inner: diffrax.AbstractStepSizeController
+    ends: tuple[AbstractEnd, ...]
 
     def wrap(self, direction):
-        return PeakController(self.inner.wrap(direction))
+        return PeakController(self.inner.wrap(direction), self.ends)
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         t1, state = self.inner.init(terms, t0, t1, y0, dt0, args, func, error_order)
-        return t1, (state, Peaks.start(t0, y0))
+        return t1, (state, Peaks.start(t0, y0, self.ends))
 
     def adapt_step_size(
         self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
@@ -126,8 +126,8 @@ class PeakController(diffrax.AbstractStepSizeController):
         )
         past, shortest = _PAST[y0.dtype.itemsize]
         # A step that is not kept may hold anything: it is replaced by none at all.
-        ends = jnp.stack([y0, jnp.where(keep, y1_candidate, y0)])
-        points = jax.vmap(_Point.of)(jnp.stack([t0, t1]), ends)
+        states = jnp.stack([y0, jnp.where(keep, y1_candidate, y0)])
+        points = jax.vmap(lambda t, y: _Point.of(t, y, self.ends))(jnp.stack([t0, t1]), states)
         point, end = (jax.tree.map(lambda x, i=i: x[i], points) for i in range(2))
         step = _Step.between(point, end)
         grazes, place = step.first_graze(past)

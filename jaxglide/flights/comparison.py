@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from .._lib.units import labelled
-from ..flight.glide import Outcome
+from ..flight.ends import Outcome
 
 _HEIGHTS = 100  # at which paths are compared
 

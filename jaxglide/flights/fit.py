@@ -65,7 +65,7 @@ def _flown(scales, change, flight: Measured, times, *, adjoint, plan) -> Array:
     options["max_steps"] = 4096
     glide = simulate(glider, launch, times=times, max_time=plan.longest, **options)
     after = jnp.maximum(times - glide.time, 0.0)[:, None]
-    fall = jnp.array([0.0, 0.0, -0.5]) * glider.environment.gravity
+    fall = jnp.array([0.0, 0.0, -0.5]) * glider.gravity
     state = glide.state
     parabola = state[POSITION] + state[VELOCITY] * after + fall * after**2
     assert glide.states is not None

@@ -23,7 +23,8 @@ from ..body.snake import Snake
 from ..ensemble.batch import spread
 from ..ensemble.records import stamp
 from ..flight.dynamics import ANGLES, POSITION, VELOCITY, Glider
-from ..flight.glide import Outcome, simulate
+from ..flight.ends import Outcome
+from ..flight.glide import simulate
 from ..flight.launch import Launch
 from ..loads.polar import Polar
 from ..shape.gait import Gait

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from .._lib.numerics import cross
 from .._lib.types import Mat3, Nodes3, Vec3
-from ..body.snake import Sections
+from ..body.sections import Sections
 from ..shape.kinematics import Backbone
 
 

@@ -10,6 +10,7 @@ C_L(180 - beta) = -C_L(beta) and C_D(180 - beta) = C_D(beta), and no case distin
 needed in the force.
 """
 
+import abc
 from functools import lru_cache
 
 import equinox as eqx
@@ -17,7 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from .._lib.checks import check_choice, check_range, check_shapes, is_traced, number
+from .._lib.checks import check_choice, check_integer, check_range, is_traced
+from .._lib.fields import Part, about, floats
 from .._lib.types import Array, Float, Scalar
 
 MEASURED_ANGLES = (-10.0, 60.0)
@@ -112,10 +114,11 @@ def _bilinear(values: np.ndarray) -> np.ndarray:
     return np.stack([along_re[:-1], np.diff(along_re, axis=0)], axis=2)
 
 
-def _cubic_cells() -> np.ndarray:
+def _cubic_cells(harmonics: int | None = None) -> np.ndarray:
     """Cells (72, 6, 2, 4, 4) of the smooth polar: a tensor-product cubic spline.
 
-    Periodic in beta, with zero end slopes in Re. Lift fades to zero from -10 to -90
+    Periodic in beta, of which only so many harmonics may be kept, with zero end slopes in
+    Re. Lift fades to zero from -10 to -90
     degrees (an assumption, as the published clamp is: nothing was measured there).
     """
     cells = []
@@ -124,6 +127,11 @@ def _cubic_cells() -> np.ndarray:
         front = np.vstack([fade[:, None] * table[0], table])  # -90 to 90
         behind = sign * front[::-1]  # 90 to 270
         circle = np.vstack([behind[18:], front[1:], behind[1:19]])  # -180 to 180
+        if harmonics is not None:
+            waves = np.fft.rfft(circle[:-1], axis=0)
+            waves[harmonics + 1 :] = 0
+            circle[:-1] = np.fft.irfft(waves, n=72, axis=0)
+            circle[-1] = circle[0]
         knots = np.arange(circle.shape[0], dtype=float)
         in_beta = CubicSpline(knots, circle, bc_type="periodic").c[::-1]  # (4, 72, 7)
         numbers = np.arange(REYNOLDS.size, dtype=float)
@@ -134,11 +142,57 @@ def _cubic_cells() -> np.ndarray:
 
 @lru_cache
 def _cells(kind: str) -> np.ndarray:
-    return _linear_cells() if kind == "published" else _cubic_cells()
+    if kind == "published":
+        return _linear_cells()
+    return _cubic_cells(None if kind == "smooth" else int(kind.split()[0]))
 
 
-class Polar(eqx.Module):
-    """Lift and drag coefficients of a body section; see `Polar.published`, `Polar.smooth`.
+class AbstractPolar(Part):
+    """Lift and drag coefficients of a body section: the seam for a table of one's own.
+
+    Args:
+        lift_scale, drag_scale: multipliers on C_L and C_D, 0 to 100. The published
+            sensitivity case is 1.36 and 0.6.
+    """
+
+    lift_scale: eqx.AbstractVar[Scalar]
+    drag_scale: eqx.AbstractVar[Scalar]
+
+    @property
+    def measured_angles(self) -> tuple[float, float]:
+        """Angles of attack [deg] within which the coefficients are known; by default all."""
+        return -np.inf, np.inf
+
+    @property
+    def measured_reynolds(self) -> tuple[float, float]:
+        """Reynolds numbers within which they are known; by default all."""
+        return 0.0, np.inf
+
+    @abc.abstractmethod
+    def __call__(self, beta, reynolds):
+        """C_L and C_D, the fold's sign included.
+
+        Defined for every angle and Reynolds number, once differentiable but where the polar
+        says otherwise. Both may be traced.
+
+        Args:
+            beta: angle of attack on the full circle [rad], any shape.
+            reynolds: Reynolds number on the chord, same shape.
+
+        Returns:
+            C_L and C_D, each of the shape of `beta`. Beyond +-90 degrees the air comes from
+            behind: C_L(180 - beta) = -C_L(beta) and C_D(180 - beta) = C_D(beta) for a section
+            that is symmetric fore and aft.
+        """
+
+
+def scale_of(meaning: str) -> dict:
+    """Metadata of a multiplier of a coefficient."""
+    return about("", meaning, low=0, high=100)
+
+
+class Polar(AbstractPolar):
+    """The measured section of the snake; see `Polar.published`, `Polar.smooth`.
 
     Args:
         cells: polynomial coefficients, (72, 6, 2, k, k): cell of beta (5 degrees each from
@@ -152,15 +206,18 @@ class Polar(eqx.Module):
             at a cell's corner is below 0.
     """
 
-    cells: Float[Array, "72 6 2 k k"] = eqx.field(converter=number("cells"))
-    lift_scale: Scalar = eqx.field(converter=number("lift_scale"), default=1.0)
-    drag_scale: Scalar = eqx.field(converter=number("drag_scale"), default=1.0)
+    cells: Float[Array, "72 6 2 k k"] = eqx.field(
+        converter=floats,
+        metadata=about("", "polynomial coefficients", low=-_LARGEST, high=_LARGEST),
+    )
+    lift_scale: Scalar = eqx.field(
+        converter=floats, default=1.0, metadata=scale_of("multiplier on the lift coefficient")
+    )
+    drag_scale: Scalar = eqx.field(
+        converter=floats, default=1.0, metadata=scale_of("multiplier on the drag coefficient")
+    )
 
     def __check_init__(self):
-        check_shapes(self)
-        check_range("lift_scale", self.lift_scale, "", 0, 100)
-        check_range("drag_scale", self.drag_scale, "", 0, 100)
-        check_range("cells", self.cells, "", -_LARGEST, _LARGEST)
         if not is_traced(self.cells):
             check_range("C_D of cells", np.asarray(self.cells)[:, :, 1, 0, 0], "", 0)
 
@@ -184,16 +241,32 @@ class Polar(eqx.Module):
         """A cubic spline through the same values: twice differentiable, for gradients."""
         return cls.from_name("smooth", lift_scale, drag_scale)
 
-    def __call__(self, beta, reynolds):
-        """C_L and C_D, the fold's sign included.
+    @classmethod
+    def band_limited(cls, harmonics: int = 12, lift_scale=1.0, drag_scale=1.0) -> "Polar":
+        """The smooth polar of coefficients low-passed in the angle of attack.
+
+        Nobody measured how they run between the table's angles, 5 degrees apart: how much
+        that matters shows where it is left out.
 
         Args:
-            beta: angle of attack on the full circle [rad], any shape.
-            reynolds: Reynolds number on the chord, same shape; clamped to the table.
+            harmonics: of beta on the full circle that are kept, 1 to 36, at every Re.
+            lift_scale, drag_scale: as in `Polar`.
 
-        Returns:
-            C_L and C_D, each of the shape of `beta`.
+        Raises:
+            TypeError, ValueError: `harmonics` is no whole number, or out of range.
         """
+        check_integer("harmonics", harmonics, 1, 36)
+        return cls(_cells(f"{harmonics} harmonics"), lift_scale, drag_scale)
+
+    @property
+    def measured_angles(self) -> tuple[float, float]:
+        return MEASURED_ANGLES
+
+    @property
+    def measured_reynolds(self) -> tuple[float, float]:
+        return float(REYNOLDS[0]), float(REYNOLDS[-1])
+
+    def __call__(self, beta, reynolds):
         rows, columns, _, degree, _ = self.cells.shape
         x = beta * (rows / (2 * jnp.pi)) + rows / 2
         y = jnp.clip((reynolds - REYNOLDS[0]) / 2000.0, 0.0, float(columns))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .._lib.columns import TableError
 from .._lib.documents import shown
 from .plausible import problem
 
@@ -20,8 +21,8 @@ _NOT_IN_NAMES = ("Cc", "Cs", "Zl", "Zp")
 """Unicode's control characters, halves of characters, and ends of lines and paragraphs."""
 
 
-class RecordingError(ValueError):
-    """A recording that cannot be used; the message names the file and the column."""
+RecordingError = TableError
+"""A recording that cannot be used; the message says where and why."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .columns import check_clock, numbers, read_rows, text_of, texts
+from .._lib.columns import check_clock, numbers, read_rows, text_of, texts
 from .recording import LENGTHS, Body, Recording, RecordingError
 
 MM = GRAM = 1e-3

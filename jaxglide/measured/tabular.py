@@ -23,8 +23,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from .._lib.columns import check_clock, numbers, read_rows
 from .._lib.documents import fitted, read_toml
-from .columns import check_clock, numbers, read_rows
 from .recording import Body, Recording, RecordingError
 
 _UNIFORM = [(0.0, 1.0), (2.0, 1.0)]

@@ -5,7 +5,7 @@ from itertools import combinations
 import xarray as xr
 from matplotlib.figure import Figure
 
-from ..flight.glide import Outcome
+from ..flight.ends import Outcome
 from ._labels import parameter_label
 from ._style import new_figure, style
 

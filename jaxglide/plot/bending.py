@@ -6,7 +6,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..flight.glide import Outcome
+from ..flight.ends import Outcome
 from ._labels import axis_label, degrees
 from ._style import new_figure, style
 

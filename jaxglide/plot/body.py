@@ -14,8 +14,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from .._lib.checks import check_choice, check_range
-from ..body.snake import Snake, discretise
-from ..shape.gait import Gait
+from ..body.sections import discretise
+from ..body.snake import Snake
+from ..shape.gait import Gait, waves
 from ..shape.kinematics import backbone
 from ._labels import degrees
 from ._style import HEAD, INK, new_axes, new_figure, style, zero_line
@@ -44,7 +45,9 @@ _VIEWS = {
 @jax.jit
 def _placed(gait: Gait, snake: Snake, phase):
     sections = discretise(snake)
-    body = backbone(sections, gait, snake.neck_fraction, phase, 0.0)
+    body = backbone(
+        sections, waves(gait, sections.neck_fraction, sections.fraction, phase, 0.0)
+    )
     half = 0.5 * sections.chord * body.chord
     return body.position, half, body.normal
 

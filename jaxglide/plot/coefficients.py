@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from .._lib.checks import check_range
-from ..body.snake import Snake, discretise
+from ..body.sections import discretise
+from ..body.snake import Snake
 from ..loads.polar import ALPHA, REYNOLDS, Polar, extended_tables
+from ..tunnel.fall import Fall
 from ..tunnel.glide_polar import BodyPolar, Equilibrium
-from ..tunnel.windtunnel import Fall
 from ._labels import plain
 from ._style import FAINT, INK, PAGE_WIDTH, PITCH, YAW, new_figure, style, zero_line
 

@@ -8,7 +8,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ..flight.dynamics import ANGLES, POSITION
-from ..flight.glide import ANGLE_LIMIT, Glide, Outcome, reconstruct
+from ..flight.ends import ANGLE_LIMIT, Outcome
+from ..flight.glide import Glide
+from ..flight.trajectory import reconstruct
 from ._labels import axis_label, plain
 from ._style import FAINT, INK, PITCH, new_figure, style
 from .glide import _LANDED, _LAUNCH, _STOPPED, _check_drawable, _end_mark, _path
@@ -125,7 +127,7 @@ def _bound(ax: Axes) -> None:
 def _draw_body(ax: Axes, glide: Glide, body: np.ndarray, colour, name: str) -> None:
     """The body (frames, 3, n) in its own axes [cm]: from above, and below it from the right."""
     x, y, z = 100.0 * body.transpose(1, 0, 2)
-    drop = 100.0 * 0.32 * float(glide.glider.snake.length)
+    drop = 100.0 * 0.32 * float(glide.glider.body.length)
     for sideways, label, shift in ((-x, "above", 0.0), (z, "right", -drop)):
         lines = [np.column_stack([a, b + shift]) for a, b in zip(y, sideways, strict=True)]
         thin = {"colors": colour, "linewidths": 0.5, "alpha": 0.45}

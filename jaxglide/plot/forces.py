@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from .._lib.checks import check_integer, check_range
-from ..body.snake import discretise
+from ..body.sections import discretise
 from ..ensemble.records import glide_dataset
 from ..files.restore import snake_of
 from ..flight.glide import Glide

@@ -12,7 +12,9 @@ from matplotlib.ticker import MultipleLocator
 
 from .._lib.checks import check_integer, check_range
 from ..flight.dynamics import ANGLES, POSITION
-from ..flight.glide import ANGLE_LIMIT, Glide, Outcome, reconstruct
+from ..flight.ends import ANGLE_LIMIT, Outcome
+from ..flight.glide import Glide
+from ..flight.trajectory import reconstruct
 from ._labels import axis_label
 from ._style import (
     BODY,
@@ -69,7 +71,7 @@ def _bodies(glide: Glide, frames: Frames) -> np.ndarray:
         if times.ndim != 1:
             raise ValueError(f"frames has shape {times.shape}: it must be a number or (F,)")
     if times.size == 0:
-        return np.zeros((0, 3, glide.glider.snake.nodes))
+        return np.zeros((0, 3, glide.glider.body.nodes))
     now = reconstruct(glide, times)
     centre = glide.at(times)[:, POSITION, None]
     return np.asarray(jnp.einsum("fji,fjn->fin", now.R_BI, now.body.position) + centre)
@@ -108,7 +110,7 @@ def _view(glide: Glide, ax: Axes, frames: Frames, across: int, up: int, ground: 
     for row, mark, label in ((0, _LAUNCH, "launch"), (-1, _end_mark(glide), _end_word(glide))):
         ax.plot(path[row, across], path[row, up], color=INK, zorder=5, label=label, **mark)
     drawn = np.concatenate([path, *bodies.transpose(0, 2, 1)])
-    length = float(glide.glider.snake.length)
+    length = float(glide.glider.body.length)
     pad = max(0.2 * length, 0.02 * float(np.ptp(drawn, axis=0).max()))
     if ground:
         drawn = np.append(drawn, [[*path[-1, :2], 0.0]], axis=0)

@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
-from ..flight.glide import Outcome
+from ..flight.ends import Outcome
 from ._labels import label_of, part_of, plain
 from ._style import INK, YAW, new_axes, style, zero_line
 from .shapes import _MARK, _UNSTABLE, _edges

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from .._lib.parameters import PARAMETERS
-from ..flight.glide import Outcome
+from ..flight.ends import Outcome
 from ..search.ascent import FEASIBLE
 from ._labels import SYMBOLS, parameter_label, plain, shown, with_unit
 from ._style import FAINT, HEAD, INK, PITCH, YAW, new_figure, style

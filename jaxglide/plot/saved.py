@@ -134,7 +134,7 @@ _SHAPES = ("theta", "psi", "waves", "body", "bends")
 
 def _shape(glide: Glide, name: str) -> Drawing:
     """The waves of a glide, and the shapes of the body that they make."""
-    gait, snake, phase = glide.glider.gait, glide.glider.snake, float(glide.take_off.phi_theta)
+    gait, snake, phase = glide.glider.gait, glide.glider.body, float(glide.take_off.phi_theta)
     if name == "body":
         return Drawing(body_shape(gait, snake, phase=phase), "the body at launch")
     if name == "bends":

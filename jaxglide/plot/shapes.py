@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from ..flight.glide import Outcome
+from ..flight.ends import Outcome
 from ._labels import plain
 from ._style import COLUMN_WIDTH, INK, new_figure, place, style
 

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from .._lib.checks import check_choice, check_range
 from ..body.snake import Snake
-from ..shape.gait import Gait, bending
+from ..shape.gait import Gait, waves
 from ._style import PITCH, YAW, new_axes, new_figure, style, zero_line
 
 _WAVES = {"theta": (r"horizontal, $\theta$", YAW), "psi": (r"vertical, $\psi$", PITCH)}
@@ -30,7 +30,7 @@ def angles_along(gait: Gait, snake: Snake, phases) -> tuple[np.ndarray, dict[str
     """
     fraction = np.linspace(0.0, 1.0, _POINTS)
     phase = jnp.asarray(phases, float)[:, None]
-    wave = bending(gait, snake.neck_fraction, jnp.asarray(fraction), phase, 0.0)
+    wave = waves(gait, snake.neck_fraction, jnp.asarray(fraction), phase, 0.0)
     return fraction, {name: np.rad2deg(getattr(wave, name)) for name in _WAVES}
 
 

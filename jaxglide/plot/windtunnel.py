@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .._lib.checks import check_integer
 from ..ensemble.survey import ABOUT
-from ..flight.glide import Outcome
+from ..flight.ends import Outcome
 from ._labels import degrees
 from ._style import (
     INK,

@@ -14,9 +14,10 @@ import numpy as np
 from .._lib.checks import check_range
 from .._lib.numerics import safe_sqrt
 from .._lib.types import Array, Scalar
-from ..body.snake import Sections, discretise
+from ..body.sections import Sections, discretise
 from ..flight.dynamics import VELOCITY, Glider
-from ..flight.glide import Glide, Outcome, simulate
+from ..flight.ends import Outcome
+from ..flight.glide import Glide, simulate
 from ..flight.launch import Launch
 
 
@@ -35,7 +36,7 @@ class Trial:
 
     @cached_property
     def sections(self) -> Sections:
-        return discretise(self.glider.snake)
+        return discretise(self.glider.body)
 
     @cached_property
     def glide(self) -> Glide:
@@ -53,7 +54,7 @@ class Trial:
     @cached_property
     def drop_time(self) -> Scalar:
         """Time that a body without air takes from the end to the ground [s], inf for never."""
-        v_z, gravity = self.glide.state[VELOCITY][2], self.glider.environment.gravity
+        v_z, gravity = self.glide.state[VELOCITY][2], self.glider.gravity
         root = safe_sqrt(v_z**2 + 2 * gravity * self.height_left)
         # (v_z + root)/g without cancellation for a falling body, and without gravity too
         down = 2 * self.height_left / jnp.where(root > v_z, root - v_z, 1.0)

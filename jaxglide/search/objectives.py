@@ -25,14 +25,14 @@ import numpy as np
 from .._lib.checks import check_choice, check_range
 from .._lib.numerics import safe_sqrt
 from .._lib.types import Array, Float, Scalar
-from ..body.snake import discretise
+from ..body.sections import discretise
 from ..flight.dynamics import Glider
-from ..flight.glide import ANGLE_LIMIT
+from ..flight.ends import ANGLE_LIMIT
 from ..flight.launch import Launch, published_speed
-from ..shape.gait import bending
+from ..shape.gait import waves
 from ..shape.kinematics import backbone
+from ..tunnel.loads import phases_of
 from ..tunnel.trim import pitch_moment
-from ..tunnel.windtunnel import phases_of
 from .objective import Constraint as Constraint
 from .objective import Objective, Trial
 
@@ -58,14 +58,18 @@ VARIED = ("lift_scale", "drag_scale", "speed", "mass")
 def _multiplied(glider: Glider, launch: Launch, factors) -> tuple[Glider, Launch]:
     """Glider and launch with four quantities multiplied, in the order of `VARIED`."""
     lift, drag, speed, mass = factors
-    polar = glider.polar
+    polar = glider.aerodynamics.polar
     launched = launch.speed
     if launched is None:
-        launched = published_speed(glider, discretise(glider.snake))
+        launched = published_speed(glider, discretise(glider.body))
     glider = eqx.tree_at(
-        lambda g: (g.polar.lift_scale, g.polar.drag_scale, g.snake.mass),
+        lambda g: (
+            g.aerodynamics.polar.lift_scale,
+            g.aerodynamics.polar.drag_scale,
+            g.body.mass,
+        ),
         glider,
-        (lift * polar.lift_scale, drag * polar.drag_scale, mass * glider.snake.mass),
+        (lift * polar.lift_scale, drag * polar.drag_scale, mass * glider.body.mass),
     )
     launch = eqx.tree_at(
         lambda x: x.speed, launch, speed * launched, is_leaf=lambda x: x is None
@@ -134,7 +138,7 @@ def _curvature(trial: Trial) -> Scalar:
 
     def squared(phase):
         def angles(fraction):
-            wave = bending(glider.gait, glider.snake.neck_fraction, fraction, phase, 0.0)
+            wave = waves(glider.gait, glider.body.neck_fraction, fraction, phase, 0.0)
             return wave.theta, wave.psi
 
         ones = jnp.ones_like(sections.fraction)
@@ -150,7 +154,9 @@ def _undulation_power(trial: Trial) -> Scalar:
 
     def squared(phase):
         rate = -2 * jnp.pi * glider.gait.f_theta
-        body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, rate)
+        body = backbone(
+            sections, waves(glider.gait, sections.neck_fraction, sections.fraction, phase, rate)
+        )
         return jnp.sum(sections.mass * jnp.sum(body.velocity * body.acceleration, axis=0)) ** 2
 
     return safe_sqrt(_over_phases(trial, squared))
@@ -162,7 +168,9 @@ def _clearance(trial: Trial) -> Scalar:
     apart = jnp.abs(fraction[:, None] - fraction) > _APART
 
     def nearest(phase):
-        place = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, 0.0).position
+        place = backbone(
+            sections, waves(glider.gait, sections.neck_fraction, sections.fraction, phase, 0.0)
+        ).position
         squared = jnp.sum((place[:, :, None] - place[:, None, :]) ** 2, axis=0)
         return jnp.min(jnp.where(apart, squared, jnp.inf))
 

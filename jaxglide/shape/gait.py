@@ -5,26 +5,23 @@ the wave number and frequency. Both depend on time only through the phase
 `a = 2 pi nu_theta s/L + phase`, with `phase = phi_theta - 2 pi f_theta t`.
 """
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 
-from .._lib.checks import check_range, check_shapes, number
+from .._lib.checks import check_range, is_traced, number
+from .._lib.fields import about, floats, parameters_of
 from .._lib.numerics import sincos
 from .._lib.types import ArrayLike, Nodes, Scalar
+from .motion import AbstractMotion, Bending, in_neck
 
-_RANGES = {
-    "theta_m": (0.0, np.pi),
-    "psi_m": (0.0, np.pi),
-    "d_psi": (-np.pi, np.pi),
-    "d_theta": (-np.pi, np.pi),
-}
+_ANGLES = ("theta_m", "psi_m", "d_psi", "d_theta")
 
 
-class Gait(eqx.Module):
+class Gait(AbstractMotion):
     """An aerial serpenoid gait, angles in radians; see `from_degrees`.
+
+    Its waves run at a constant rate, in closed form. Where they are to change in flight, see
+    `Driven`.
 
     Args:
         theta_m: amplitude of the horizontal wave [rad], 0 to pi.
@@ -41,19 +38,64 @@ class Gait(eqx.Module):
         ValueError: a value is not finite or out of range.
     """
 
-    theta_m: Scalar = eqx.field(converter=number("theta_m"))
-    psi_m: Scalar = eqx.field(converter=number("psi_m"))
-    nu_theta: Scalar = eqx.field(converter=number("nu_theta"))
-    f_theta: Scalar = eqx.field(converter=number("f_theta"))
-    d_psi: Scalar = eqx.field(converter=number("d_psi"), default=0.0)
-    d_theta: Scalar = eqx.field(converter=number("d_theta"), default=0.0)
-
-    def __check_init__(self):
-        check_shapes(self)
-        for name, (low, high) in _RANGES.items():
-            check_range(name, getattr(self, name), "rad", low, high)
-        check_range("nu_theta", self.nu_theta, "", 0, 10)
-        check_range("f_theta", self.f_theta, "Hz", 0, 50)
+    theta_m: Scalar = eqx.field(
+        converter=floats,
+        metadata=about(
+            "deg",
+            "horizontal amplitude",
+            symbol=r"\theta_m",
+            low=0,
+            high=180,
+            observed=(80, 120),
+        ),
+    )
+    psi_m: Scalar = eqx.field(
+        converter=floats,
+        metadata=about(
+            "deg", "vertical amplitude", symbol=r"\psi_m", low=0, high=180, observed=(20, 45)
+        ),
+    )
+    nu_theta: Scalar = eqx.field(
+        converter=floats,
+        metadata=about(
+            "",
+            "spatial periods of the horizontal wave",
+            symbol=r"\nu_\theta",
+            low=0,
+            high=10,
+            observed=(1.0, 1.5),
+        ),
+    )
+    f_theta: Scalar = eqx.field(
+        converter=floats,
+        metadata=about(
+            "Hz",
+            "undulation frequency, 0 frozen",
+            symbol=r"f_\theta",
+            low=0,
+            high=50,
+            observed=(1.0, 1.7),
+        ),
+    )
+    d_psi: Scalar = eqx.field(
+        converter=floats,
+        default=0.0,
+        metadata=about(
+            "deg/SVL",
+            "dorsoventral bending",
+            symbol=r"d_\psi",
+            low=-180,
+            high=180,
+            observed=(-20, 30),
+        ),
+    )
+    d_theta: Scalar = eqx.field(
+        converter=floats,
+        default=0.0,
+        metadata=about(
+            "deg/SVL", "lateral bias, a turn", symbol=r"d_\theta", low=-180, high=180
+        ),
+    )
 
     @classmethod
     def from_degrees(
@@ -71,10 +113,21 @@ class Gait(eqx.Module):
             theta_m = shape_line(nu_theta)
         degrees = {"theta_m": theta_m, "psi_m": psi_m, "d_psi": d_psi, "d_theta": d_theta}
         for name, value in degrees.items():
-            low, high = np.rad2deg(_RANGES[name])
-            check_range(name, value, "deg", low, high, shape=())
+            known = parameters_of(cls)[name]
+            check_range(name, value, "deg", known.low, known.high, shape=())
         radians = {name: jnp.deg2rad(number(name)(value)) for name, value in degrees.items()}
         return cls(nu_theta=nu_theta, f_theta=f_theta, **radians)
+
+    @property
+    def straight(self) -> bool:
+        bends = [getattr(self, name) for name in _ANGLES]
+        return not any(is_traced(bend) or float(bend) for bend in bends)
+
+    def bending(self, fraction, neck_fraction, time, phase, states, observation):
+        return waves(self, neck_fraction, fraction, *wave_phase(self, phase, time)), states
+
+    def cycle(self, fraction, neck_fraction, phase):
+        return waves(self, neck_fraction, fraction, phase, 1.0)
 
 
 def shape_line(nu_theta):
@@ -82,18 +135,13 @@ def shape_line(nu_theta):
     return 175.72823 - 56.6005 * nu_theta
 
 
-class Bending(NamedTuple):
-    """Bending angles at the nodes [rad] and their first two time derivatives, all (n,)."""
-
-    theta: Nodes
-    theta_dot: Nodes
-    theta_ddot: Nodes
-    psi: Nodes
-    psi_dot: Nodes
-    psi_ddot: Nodes
+def wave_phase(gait: Gait, phi_theta, time) -> tuple[Scalar, Scalar]:
+    """Phase of the waves and its rate at a time: phi_theta - 2 pi f_theta t [rad, rad/s]."""
+    rate = -2 * jnp.pi * gait.f_theta
+    return phi_theta + rate * time, rate
 
 
-def bending(
+def waves(
     gait: Gait, neck_fraction: Scalar, fraction: Nodes, phase: ArrayLike, phase_rate: ArrayLike
 ) -> Bending:
     """Bending angles of both waves, with exact time derivatives.
@@ -108,8 +156,7 @@ def bending(
         phase: phi_theta - 2 pi f_theta t [rad].
         phase_rate: its rate, -2 pi f_theta [rad/s].
     """
-    x = jnp.maximum(fraction, neck_fraction)
-    ramp = jnp.minimum(fraction / neck_fraction, 1.0)
+    x, ramp = in_neck(fraction, neck_fraction)
     sin_a, cos_a = sincos(2 * jnp.pi * gait.nu_theta * x + phase)
 
     # theta = theta_m sin u + d_theta s/L with u = (pi/2) cos a (eqs 2, 6)

@@ -4,9 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .._lib.numerics import sincos
-from .._lib.types import ArrayLike, Nodes, Nodes3, Scalar
-from ..body.snake import Sections
-from .gait import Gait, bending
+from .._lib.types import Nodes, Nodes3
+from ..body.sections import Sections
+from .motion import Bending
 
 
 class Backbone(eqx.Module):
@@ -32,31 +32,16 @@ class Backbone(eqx.Module):
     turning_rate: Nodes
 
 
-def wave_phase(gait: Gait, phi_theta, time) -> tuple[Scalar, Scalar]:
-    """Phase of the waves and its rate at a time: phi_theta - 2 pi f_theta t [rad, rad/s]."""
-    rate = -2 * jnp.pi * gait.f_theta
-    return phi_theta + rate * time, rate
-
-
-def backbone(
-    sections: Sections,
-    gait: Gait,
-    neck_fraction: Scalar,
-    phase: ArrayLike,
-    phase_rate: ArrayLike,
-) -> Backbone:
-    """Shape and motion of the body at a phase of its waves (eqs 8, 13-15).
+def backbone(sections: Sections, wave: Bending) -> Backbone:
+    """Shape and motion of the body that bends so (eqs 8, 13-15).
 
     The time derivatives are closed forms. All nine cumulative integrals (three components
     of the tangent and of its two derivatives) are one matrix product.
 
     Args:
         sections: the body at its nodes.
-        gait: the waves.
-        neck_fraction: end of the neck, fraction of SVL.
-        phase, phase_rate: see `wave_phase` [rad, rad/s].
+        wave: bending angles there and their time derivatives.
     """
-    wave = bending(gait, neck_fraction, sections.fraction, phase, phase_rate)
     sin_t, cos_t = sincos(wave.theta)
     sin_p, cos_p = sincos(wave.psi)
     dt, dp = wave.theta_dot, wave.psi_dot

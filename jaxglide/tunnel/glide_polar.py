@@ -14,16 +14,10 @@ import optimistix as optx
 
 from .._lib.checks import check_integer, check_range, check_shape, number
 from .._lib.types import Array, Float, Scalar
-from ..body.snake import discretise, wing_area
+from ..body.sections import discretise, wing_area
 from ..flight.dynamics import Glider, check_glider
-from .windtunnel import (
-    FORCE_PHASES,
-    MOMENT_PHASES,
-    PHASES,
-    Tunnel,
-    check_angles,
-    mean_acceleration,
-)
+from .fall import FORCE_PHASES, Tunnel, mean_acceleration
+from .loads import MOMENT_PHASES, PHASES, check_angles
 
 
 class BodyPolar(NamedTuple):
@@ -46,17 +40,17 @@ class BodyPolar(NamedTuple):
 
 @eqx.filter_jit
 def _body_polar(glider, speed, alpha, phases) -> BodyPolar:
-    tunnel = Tunnel(glider, discretise(glider.snake), jnp.zeros(3), phases)
-    weight = jnp.zeros(3).at[2].set(glider.environment.gravity)
+    tunnel = Tunnel(glider, discretise(glider.body), jnp.zeros(3), phases)
+    weight = jnp.zeros(3).at[2].set(glider.gravity)
 
     def at(alpha):
         along = jnp.stack([0 * alpha, jnp.cos(alpha), -jnp.sin(alpha)])
         across = jnp.stack([0 * alpha, jnp.sin(alpha), jnp.cos(alpha)])
-        force = glider.snake.mass * (mean_acceleration(speed * along, tunnel) + weight)
+        force = tunnel.sections.total_mass * (mean_acceleration(speed * along, tunnel) + weight)
         return force @ across, -force @ along
 
     lift, drag = jax.vmap(at)(alpha)
-    pressure = 0.5 * glider.environment.air_density * speed**2 * wing_area(glider.snake)
+    pressure = 0.5 * glider.air.air_density * speed**2 * wing_area(glider.body)
     return BodyPolar(alpha, lift, drag, lift / pressure, drag / pressure, lift / drag)
 
 
@@ -87,7 +81,7 @@ def body_polar(
 
 @eqx.filter_jit
 def _field(glider, v_y, v_z, angles, phases):
-    tunnel = Tunnel(glider, discretise(glider.snake), angles, phases)
+    tunnel = Tunnel(glider, discretise(glider.body), angles, phases)
 
     def at(v_y, v_z):
         return mean_acceleration(jnp.stack([0 * v_y, v_y, v_z]), tunnel)[1:]
@@ -141,10 +135,10 @@ class Equilibrium(NamedTuple):
 def _equilibrium(glider, angles, phases) -> Equilibrium:
     def acceleration(velocity, held):
         glider, angles = held
-        tunnel = Tunnel(glider, discretise(glider.snake), angles, phases)
+        tunnel = Tunnel(glider, discretise(glider.body), angles, phases)
         return mean_acceleration(jnp.concatenate([jnp.zeros(1), velocity]), tunnel)[1:]
 
-    gravity, density = glider.environment.gravity, glider.environment.air_density
+    gravity, density = glider.gravity, glider.air.air_density
     tolerance = 1e-10 if angles.dtype == jnp.float64 else 1e-5
 
     def solve(guess, held, exists: Array | bool = True):
@@ -167,7 +161,7 @@ def _equilibrium(glider, angles, phases) -> Equilibrium:
 
     # From shallow to steep paths, slow to fast; stable ones first, then the shallowest.
     held = jax.lax.stop_gradient((glider, angles))
-    loading = glider.snake.mass * gravity / wing_area(glider.snake)
+    loading = glider.body.mass * gravity / wing_area(glider.body)
     speed = jnp.sqrt(jax.lax.stop_gradient(2 * loading / density)) * jnp.array([0.7, 1.0, 1.4])
     slope = jnp.deg2rad(jnp.linspace(10.0, 85.0, 16))
     paths = jnp.stack([jnp.cos(slope), -jnp.sin(slope)], axis=-1)

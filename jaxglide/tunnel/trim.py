@@ -21,7 +21,8 @@ from .._lib.types import Array, Float, Integer, Mat3, Scalar, Vec3
 from ..flight.dynamics import Glider, check_glider
 from ..flight.launch import Launch
 from ..shape.gait import Gait
-from .windtunnel import MOMENT_PHASES, PITCH, check_held, fall, loads, loads_at_end, over_phases
+from .fall import fall, loads_at_end
+from .loads import MOMENT_PHASES, PITCH, check_held, loads, over_phases
 
 GAIT_PARAMETERS = tuple(field.name for field in dataclasses.fields(Gait))
 """Names of the gait's parameters."""

@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import check_range
-from ..body.snake import discretise
+from ..body.sections import discretise
 from ..flight.dynamics import ANGLES, POSITION, VELOCITY, Flight, elements
-from ..flight.glide import Glide, Outcome
+from ..flight.ends import Outcome
+from ..flight.glide import Glide
 from . import _loft
 from ._loft import Stations
 
@@ -73,7 +74,7 @@ class Scene:
                 time; or the rate is out of range or makes more than 20 000 frames.
         """
         check_viewable(glide)
-        snake = glide.glider.snake
+        snake = glide.glider.body
         sections, moving = _moving(glide, _times(float(glide.time), rate))
         return cls(
             label=as_text(label),
@@ -165,7 +166,7 @@ def _moving(glide: Glide, times: np.ndarray):
 @eqx.filter_jit
 def _computed(glide: Glide, times):
     """Sections, states and elements in one compilation, which the first view waits for."""
-    sections = discretise(glide.glider.snake)
+    sections = discretise(glide.glider.body)
     flight = Flight(glide.glider, sections, glide.take_off.phi_theta)
     states = glide.at(times)
     now = jax.vmap(lambda time, state: elements(time, state, flight))(times, states)

@@ -8,7 +8,7 @@ import pytest
 
 from jaxglide import Snake, discretise
 from jaxglide._lib.parameters import PUBLISHED_NECK
-from jaxglide.body.snake import _quadrature, wing_area
+from jaxglide.body.sections import wing_area
 
 GAUSS = {"node_set": "gauss", "nodes": 60}
 
@@ -114,7 +114,7 @@ def test_gauss_nodes_lie_on_panels_split_at_head_and_neck(gauss):
     assert x[-1] < 1
     counts = np.histogram(x, [0, 0.037, PUBLISHED_NECK, 1])[0]
     assert counts.tolist() == [5, 5, 50]
-    _, weight, _ = _quadrature(Snake.from_svl(**GAUSS))
+    _, weight, _ = Snake.from_svl(**GAUSS)._quadrature()
     assert float(jnp.sum(weight)) == pytest.approx(1.0, abs=1e-14)
     for panel, width in ((slice(0, 5), 0.037), (slice(5, 10), PUBLISHED_NECK - 0.037)):
         assert float(jnp.sum(weight[panel])) == pytest.approx(width, rel=1e-13)

@@ -13,8 +13,9 @@ import jaxglide as jg
 from command import run
 from jaxglide import Outcome, cli
 from jaxglide.cli._options import print_json
+from jaxglide.tunnel.fall import fall, loads_at_end
+from jaxglide.tunnel.loads import over_phases
 from jaxglide.tunnel.trim import derivatives
-from jaxglide.tunnel.windtunnel import fall, loads_at_end, over_phases
 
 
 def test_glide_writes_a_labelled_file_and_a_picture(capsys, tmp_path):

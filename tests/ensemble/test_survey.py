@@ -11,8 +11,9 @@ from jaxglide.ensemble.cases import build, check_setup
 from jaxglide.ensemble.published import BENDS, NU_THETA, bending_study
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import survey
+from jaxglide.tunnel.fall import fall
+from jaxglide.tunnel.loads import loads, over_phases
 from jaxglide.tunnel.trim import trim
-from jaxglide.tunnel.windtunnel import fall, loads, over_phases
 
 PITCH, ROLL, YAW = "pitch", "roll", "yaw"
 

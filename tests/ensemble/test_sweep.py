@@ -537,7 +537,7 @@ def test_every_parameter_reaches_its_place():
     assert set(case) == set(PARAMETERS)
     glider, launch = build(case, check_setup({}))
     found = {}
-    for part in (glider.snake, glider.gait, glider.polar, glider.environment, launch):
+    for part in (glider.body, glider.gait, glider.aerodynamics.polar, glider.air, launch):
         found |= vars(part)
     for name in ("theta_m", "psi_m", "d_psi", "d_theta", "elevation", "heading"):
         found[name] = np.rad2deg(found[name])

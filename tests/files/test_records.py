@@ -101,7 +101,7 @@ def test_nodes_have_a_place_a_chord_and_a_mass(data):
 def test_a_gyration_comes_back(glide, data):
     assert snake_of(data).gyration is None
     snake = Snake.from_svl(gyration=0.25)
-    flat = eqx.tree_at(lambda g: g.glider.snake, glide, snake)
+    flat = eqx.tree_at(lambda g: g.glider.body, glide, snake)
     assert float(snake_of(data.assign_attrs(_settings(flat))).gyration) == 0.25
 
 

@@ -29,7 +29,7 @@ def field(times, states, flight):
 
 
 def flight_of(glider, phi_theta):
-    return Flight(glider, jax.jit(discretise)(glider.snake), jnp.asarray(phi_theta))
+    return Flight(glider, jax.jit(discretise)(glider.body), jnp.asarray(phi_theta))
 
 
 def test_against_the_published_code(golden, glider_of, relative_error):
@@ -119,7 +119,10 @@ def test_element_velocities_and_forces_are_sweep_theory(flight, random_states):
     np.testing.assert_allclose(U**2 + along**2, total**2, rtol=1e-10)
     np.testing.assert_allclose(np.tan(air.sweep_angle) * U, along, rtol=0, atol=1e-11)
 
-    lift, drag = (np.asarray(c) for c in flight.glider.polar(jnp.asarray(alpha), air.reynolds))
+    lift, drag = (
+        np.asarray(c)
+        for c in flight.glider.aerodynamics.polar(jnp.asarray(alpha), air.reynolds)
+    )
     q = 0.5 * 1.165 * U * np.asarray(flight.sections.area)
     F_c = q * (-drag * v_c - sigma * lift * v_b)
     F_b = q * (-drag * v_b + sigma * lift * v_c)
@@ -159,7 +162,7 @@ def test_sinking_level_body_is_lifted(flight):
 def test_at_rest_the_field_and_its_derivative_are_finite(flight):
     """No air velocity at all: the origin of the angle of attack and of every square root."""
     still = Flight(
-        Glider(flight.glider.snake, Gait.from_degrees(f_theta=0.0), Polar.smooth()),
+        Glider(flight.glider.body, Gait.from_degrees(f_theta=0.0), Polar.smooth()),
         flight.sections,
         flight.phi_theta,
     )

@@ -31,8 +31,8 @@ from jaxglide import (
 from jaxglide.ensemble.records import glide_dataset
 from jaxglide.flight.attitude import angle_rates
 from jaxglide.flight.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
+from jaxglide.flight.ends import clearance, default_ends
 from jaxglide.flight.extrapolation import extrapolation
-from jaxglide.flight.glide import _clearance
 from jaxglide.flight.peaks import PeakController, Peaks
 
 TIMES = 0.1 * np.arange(24)
@@ -71,7 +71,7 @@ def glide():
 
 @pytest.fixture(scope="module")
 def flight(glide):
-    sections = jax.jit(discretise)(glide.glider.snake)
+    sections = jax.jit(discretise)(glide.glider.body)
     return Flight(glide.glider, sections, glide.take_off.phi_theta)
 
 
@@ -192,6 +192,9 @@ def swing(pitch, dip):
         nod = nod.at[OMEGA.start].set(-pitch * jnp.sin(t))
         return nod.at[2].set(y[5]).at[5].set(dip * jnp.sin(t))
 
+    def nearest(t, y, args, **_):
+        return jnp.min(clearance(default_ends(), t, y))
+
     start = jnp.zeros(13).at[2].set(1.0).at[5].set(-dip).at[OMEGA.start].set(pitch)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
@@ -201,8 +204,10 @@ def swing(pitch, dip):
         0.01,
         start,
         saveat=diffrax.SaveAt(t1=True, controller_state=True),
-        stepsize_controller=PeakController(diffrax.PIDController(1e-10, 1e-10, dtmax=0.05)),
-        event=diffrax.Event(_clearance, optx.Bisection(1e-12, 1e-12, flip=True), False),
+        stepsize_controller=PeakController(
+            diffrax.PIDController(1e-10, 1e-10, dtmax=0.05), default_ends()
+        ),
+        event=diffrax.Event(nearest, optx.Bisection(1e-12, 1e-12, flip=True), False),
         throw=False,
     )
     peaks = solution.controller_state[1]
@@ -357,7 +362,7 @@ def test_reconstruction_is_consistent_with_the_motion(glide, flight):
     now = jax.tree.map(np.asarray, reconstruct(glide, times))
     states = np.asarray(glide.at(times))
     rates = np.asarray(field(times, states, flight))
-    air, mass = now.aerodynamics, float(glide.glider.snake.mass)
+    air, mass = now.aerodynamics, float(glide.glider.body.mass)
     force_I = np.einsum("nji,njk->ni", now.R_BI, air.force)
     acceleration = rates[:, VELOCITY] + [0, 0, 9.81]
     np.testing.assert_allclose(force_I, mass * acceleration, rtol=0, atol=1e-13)
@@ -388,7 +393,7 @@ def test_extrapolation_counts_body_and_time_beyond_the_measurements(glide, fligh
     assert shares.either == pytest.approx((slow | fast | steep).mean())
     assert 0.1 < shares.angle_of_attack < shares.either < 1
     assert f"{100 * shares.either:.0f} % of body and flight lies beyond" in str(shares)
-    thin = eqx.tree_at(lambda g: g.glider.environment.kinematic_viscosity, glide, 1e-9)
+    thin = eqx.tree_at(lambda g: g.glider.air.kinematic_viscosity, glide, 1e-9)
     assert extrapolation(thin).reynolds == pytest.approx(1.0)
     assert extrapolation(thin).either == pytest.approx(1.0)
 
@@ -584,7 +589,7 @@ def test_lanes_are_the_single_glides(lane, tolerance, mixed):
 def test_a_start_just_above_the_ground_lands_at_once(mixed, flight):
     """Free fall from h: t = sqrt(2h/g), with the air's force at the start."""
     start, time = mixed.take_off, float(mixed.time[6])
-    glider = eqx.tree_at(lambda g: g.polar, flight.glider, Polar.smooth())
+    glider = eqx.tree_at(lambda g: g.aerodynamics.polar, flight.glider, Polar.smooth())
     rates = six_degrees_of_freedom(
         0.0, start.state[6], Flight(glider, flight.sections, start.phi_theta[6])
     )

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Environment, Gait, Glider, Launch, Polar, Snake, simulate
+from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
 
 NAMES = ("theta_m", "psi_m", "nu_theta", "f_theta", "d_psi", "speed", "height", "mass", "lift")
 # Rows of gaits: theta_m, psi_m, d_psi [deg], nu_theta, f_theta; from 2 m to keep it short.
@@ -115,10 +115,10 @@ def test_grad_without_jit_and_with_respect_to_modules():
     @eqx.filter_jit
     @eqx.filter_grad
     def gradient(snake):
-        flying = Glider(snake, glider.gait, glider.polar)
+        flying = Glider(snake, glider.gait, glider.aerodynamics.polar)
         return simulate(flying, launch, step=0.02).landing_point[1]
 
-    found = gradient(glider.snake)
+    found = gradient(glider.body)
     for leaf in jax.tree.leaves(found):
         assert np.all(np.isfinite(leaf))
     assert found.mass != 0
@@ -132,9 +132,9 @@ def test_many_parameters_use_the_reverse_rule():
 
     def distance(cells):
         polar = Polar(cells)
-        return simulate(Glider(glider.snake, glider.gait, polar), launch, step=0.02).state[1]
+        return simulate(Glider(glider.body, glider.gait, polar), launch, step=0.02).state[1]
 
-    cells = glider.polar.cells
+    cells = glider.aerodynamics.polar.cells
     gradient = np.asarray(jax.jit(jax.grad(distance))(cells))
     assert np.all(np.isfinite(gradient))
     # Along the direction that scales all lift, it is the derivative by the lift scale.
@@ -142,7 +142,7 @@ def test_many_parameters_use_the_reverse_rule():
 
     def by_scale(scale):
         polar = Polar(cells, lift_scale=scale)
-        return simulate(Glider(glider.snake, glider.gait, polar), launch, step=0.02).state[1]
+        return simulate(Glider(glider.body, glider.gait, polar), launch, step=0.02).state[1]
 
     expected = float(jax.jacfwd(by_scale)(1.0))
     assert abs(np.sum(gradient * scaled) - expected) < 1e-8 * abs(expected)
@@ -157,7 +157,7 @@ def test_a_lane_that_goes_wrong_keeps_its_gradient_to_itself():
     def gradient(p):
         gravity, psi_m, height = p
         snake = Snake.from_svl(0.7, 0.038, nodes=36, node_set="gauss")
-        air = Environment(gravity=gravity)
+        air = gravity = gravity
         glider = Glider(snake, Gait(1.7, psi_m, 1.4, 1.2), Polar.smooth(), air)
         return simulate(glider, Launch(height), max_time=1.0).state[1]
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from jaxglide import (
-    Environment,
     Gait,
     Glider,
     Launch,
@@ -22,7 +21,8 @@ from jaxglide import (
 from jaxglide.flight.attitude import rotation_matrix
 from jaxglide.flight.dynamics import ANGLES, OMEGA, POSITION, VELOCITY, Flight
 from jaxglide.loads.inertia import inertia
-from jaxglide.shape.kinematics import backbone, wave_phase
+from jaxglide.shape.gait import wave_phase, waves
+from jaxglide.shape.kinematics import backbone
 
 GAIT = Gait.from_degrees(theta_m=100, psi_m=28, nu_theta=1.2, f_theta=1.4, d_psi=12, d_theta=15)
 FLAT = Snake.from_svl(gyration=0.25)  # whose sections have inertia of their own
@@ -30,19 +30,21 @@ LAUNCH = Launch(height=2.0, speed=2.0, phi_theta=0.4, angles=[0.2, -0.1, 0.15])
 
 
 def in_vacuum(gravity, gait=GAIT):
-    return Glider(FLAT, gait, Polar.published(0.0, 0.0), Environment(gravity=gravity))
+    return Glider(FLAT, gait, Polar.published(0.0, 0.0), gravity=gravity)
 
 
 def body_at(time, flight):
     glider, sections, phi_theta = flight
     phase = wave_phase(glider.gait, phi_theta, time)
-    return backbone(sections, glider.gait, glider.snake.neck_fraction, *phase)
+    return backbone(
+        sections, waves(glider.gait, glider.body.neck_fraction, sections.fraction, *phase)
+    )
 
 
 def points(time, flight):
     """Half of every element's mass on either side of the backbone, body axes [m], (3, 2n)."""
     body = body_at(time, flight)
-    offset = flight.glider.snake.gyration * flight.sections.chord * body.chord
+    offset = flight.glider.body.gyration * flight.sections.chord * body.chord
     return jnp.concatenate([body.position + offset, body.position - offset], axis=1)
 
 
@@ -84,7 +86,7 @@ def along(times, states, flight):
 
 
 def sections_of(glider):
-    return jax.jit(discretise)(glider.snake)
+    return jax.jit(discretise)(glider.body)
 
 
 def fly_in_vacuum(gravity, launch=LAUNCH):
@@ -106,7 +108,7 @@ def test_momentum_is_conserved_while_the_body_undulates():
     flight = Flight(glide.glider, sections_of(glide.glider), LAUNCH.phi_theta)
     states = glide.at(times)
     spin, momentum, _ = along(times, states, flight)
-    mass = float(glide.glider.snake.mass)
+    mass = float(glide.glider.body.mass)
     np.testing.assert_allclose(momentum, np.tile([0, 2 * mass, 0], (40, 1)), rtol=0, atol=1e-15)
     size = np.linalg.norm(spin[0])
     assert size > 1e-5  # kg m^2/s
@@ -181,7 +183,7 @@ def balance(times, states, flight):
     flow, so that no term of the equations of motion enters but the rates under test.
     """
     mass = halves(flight.sections.mass)
-    gravity = flight.glider.environment.gravity
+    gravity = flight.glider.gravity
 
     def at(time, state):
         flow = six_degrees_of_freedom(time, state, flight)

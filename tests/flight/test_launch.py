@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Environment, Gait, Glider, Launch, Polar, Snake, discretise, take_off
+from jaxglide import Gait, Glider, Launch, Polar, Snake, StillAir, discretise, take_off
 from jaxglide.flight.dynamics import ANGLES, Flight, six_degrees_of_freedom
 from jaxglide.loads.inertia import angular_momentum
+from jaxglide.shape.gait import waves
 from jaxglide.shape.kinematics import backbone
 
 COUNT = 20
@@ -19,7 +20,7 @@ GRID = 6000
 
 @jax.jit
 def launched(glider):
-    return take_off(glider, Launch(), discretise(glider.snake))
+    return take_off(glider, Launch(), discretise(glider.body))
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def gaits():
 
 @pytest.fixture(scope="module")
 def launches(gaits):
-    snake, polar, air = Snake.from_svl(), Polar.published(), Environment()
+    snake, polar, air = Snake.from_svl(), Polar.published(), StillAir()
     return jax.jit(jax.vmap(lambda gait: launched(Glider(snake, gait, polar, air))))(gaits)
 
 
@@ -76,7 +77,9 @@ def test_phase_is_the_first_minimum_downhill(gaits, launches):
     @jax.vmap
     def momentum(gait):
         def size(phase):
-            body = backbone(sections, gait, snake.neck_fraction, phase, 1.0)
+            body = backbone(
+                sections, waves(gait, snake.neck_fraction, sections.fraction, phase, 1.0)
+            )
             return jnp.sum(angular_momentum(sections, body) ** 2)
 
         return jax.lax.map(size, phases, batch_size=100)
@@ -101,7 +104,9 @@ def test_phase_is_a_stationary_point_to_round_off(gaits, launches):
     sections = discretise(snake)
 
     def half_square(phase, gait):
-        body = backbone(sections, gait, snake.neck_fraction, phase, 1.0)
+        body = backbone(
+            sections, waves(gait, snake.neck_fraction, sections.fraction, phase, 1.0)
+        )
         return 0.5 * jnp.sum(angular_momentum(sections, body) ** 2)
 
     slope, curvature = (
@@ -123,7 +128,7 @@ def test_a_planar_gait_launches_where_its_momentum_vanishes():
 
 
 def weightless(gait):
-    return Glider(Snake.from_svl(), gait, Polar.published(0.0, 0.0), Environment(gravity=0.0))
+    return Glider(Snake.from_svl(), gait, Polar.published(0.0, 0.0), gravity=0.0)
 
 
 @jax.jit
@@ -137,7 +142,7 @@ def free_cycle(glider, phi_theta):
         t1=period,
         dt0=period / 100,
         y0=jnp.zeros(13),
-        args=Flight(glider, discretise(glider.snake), phi_theta),
+        args=Flight(glider, discretise(glider.body), phi_theta),
         saveat=diffrax.SaveAt(ts=period * jnp.arange(200) / 200),
         stepsize_controller=diffrax.PIDController(1e-11, 1e-12, dtmax=period / 100),
     )
@@ -180,7 +185,7 @@ def test_implicit_derivatives_match_differences_in_both_modes():
 def test_what_the_launch_gives_is_used():
     glider = Glider(Snake.from_svl(), Gait.from_degrees())
     launch = Launch(height=20.0, speed=3.0, phi_theta=0.5, angles=[0.1, -0.2, 0.3])
-    start = jax.jit(lambda g: take_off(g, launch, discretise(g.snake)))(glider)
+    start = jax.jit(lambda g: take_off(g, launch, discretise(g.body)))(glider)
     expected = [0, 0, 20, 0, 3, 0, 0, 0, 0, 0.1, -0.2, 0.3, 0]
     np.testing.assert_allclose(start.state, expected, rtol=0, atol=0)
     assert float(start.phi_theta) == 0.5

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxglide.body.snake import discretise
-from jaxglide.flight.glide import Outcome
+from jaxglide.body.sections import discretise
+from jaxglide.flight.ends import Outcome
 from jaxglide.flight.launch import Cycle
 from jaxglide.flights.comparison import at_heights, compare_paths, summary
 from jaxglide.flights.flights import SPACING, build_flight, fly_flights, measured_of, node_count
@@ -45,7 +45,7 @@ def test_launches_turn_least(flown, entries):
 
     def squared(flight, phase):
         glider, _ = build_flight(flight, Polar.published(), nodes)
-        return jnp.sum(Cycle.of(glider, discretise(glider.snake)).momentum(phase) ** 2)
+        return jnp.sum(Cycle.of(glider, discretise(glider.body)).momentum(phase) ** 2)
 
     both = jax.jit(jax.vmap(squared))
     ours = both(flights, flown.phi_theta.values)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jaxglide import Gait, Snake, discretise, plot
 from jaxglide.plot.body import DORSAL, VENTRAL
-from jaxglide.shape.gait import bending
+from jaxglide.shape.gait import waves
 from jaxglide.shape.kinematics import backbone
 
 GAIT, SNAKE = Gait.from_degrees(), Snake.from_svl(nodes=24)
@@ -26,7 +26,7 @@ def polygons(ax):
 def placed():
     """Backbone of the body at the phase, in cm, and half chords."""
     sections = discretise(SNAKE)
-    body = backbone(sections, GAIT, SNAKE.neck_fraction, PHASE, 0.0)
+    body = backbone(sections, waves(GAIT, SNAKE.neck_fraction, sections.fraction, PHASE, 0.0))
     half = 50.0 * np.asarray(sections.chord * body.chord)
     return 100.0 * np.asarray(body.position), half, np.asarray(body.normal)
 
@@ -50,7 +50,7 @@ def test_lines_are_the_waves_in_degrees():
     expected = []
     for name in ("theta", "psi"):
         for phase in phases:
-            wave = bending(GAIT, SNAKE.neck_fraction, jnp.asarray(s), phase, 0.0)
+            wave = waves(GAIT, SNAKE.neck_fraction, jnp.asarray(s), phase, 0.0)
             expected.append(np.rad2deg(getattr(wave, name)))
     for line, wanted in zip(curves, expected, strict=True):
         np.testing.assert_allclose(line.get_ydata(), wanted, atol=1e-9)
@@ -67,7 +67,7 @@ def test_map_is_the_wave_travelling_to_the_tail(wave):
     assert (time[0], time[-1], s[0], s[-1]) == (0.0, 1.0, 0.0, 1.0)
     column = 100
     phase = PHASE - 2 * np.pi * float(GAIT.f_theta) * time[column]
-    now = bending(GAIT, SNAKE.neck_fraction, jnp.asarray(s), phase, 0.0)
+    now = waves(GAIT, SNAKE.neck_fraction, jnp.asarray(s), phase, 0.0)
     wanted = np.rad2deg(getattr(now, wave))
     np.testing.assert_allclose(values.reshape(s.size, time.size)[:, column], wanted, atol=1e-9)
     low, high = mesh.get_clim()

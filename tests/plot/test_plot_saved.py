@@ -71,7 +71,7 @@ def test_quantities_along_the_body_are_the_files(glide, saved, name, label, unit
     data = plot.open_result(saved)
     ax = draw(data, name).figure.axes[0]
     (mesh,) = (c for c in ax.collections if isinstance(c, QuadMesh))
-    sections = discretise(glide.glider.snake)
+    sections = discretise(glide.glider.body)
     wanted = data[name].values.T
     if unit:
         wanted = wanted * (np.asarray(sections.chord) / np.asarray(sections.area))[:, None]
@@ -127,7 +127,7 @@ def test_forces_are_four_maps(saved):
 def test_waves_and_body_are_those_of_the_glide(glide, saved):
     data = plot.open_result(saved)
     ax = draw(data, "theta").figure.axes[0]
-    gait, snake = glide.glider.gait, glide.glider.snake
+    gait, snake = glide.glider.gait, glide.glider.body
     given = {"duration": float(glide.time), "phi_theta": 0.3}
     wanted = plot.wave_map(gait, snake, wave="theta", **given)
     meshes = [next(c for c in a.collections if isinstance(c, QuadMesh)) for a in (ax, wanted)]

@@ -13,8 +13,8 @@ from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, discretise, pl
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import ABOUT, survey
 from jaxglide.loads.polar import ALPHA, REYNOLDS, extended_tables
+from jaxglide.tunnel.fall import Fall
 from jaxglide.tunnel.glide_polar import BodyPolar, Equilibrium
-from jaxglide.tunnel.windtunnel import Fall
 
 PSI, BENDS, NU = [0.0, 20.0], [-20.0, -10.0, 0.0, 10.0, 20.0], [1.0, 1.25, 1.5]
 RECORDS, PHASES = 7, 8

@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxglide import (
-    Environment,
     Gait,
     Glider,
     Launch,
     Polar,
     Snake,
+    StillAir,
     discretise,
     reconstruct,
     simulate,
@@ -25,9 +25,10 @@ from jaxglide import (
     take_off,
 )
 from jaxglide.flight.dynamics import Flight
+from jaxglide.tunnel.fall import fall
 from jaxglide.tunnel.glide_polar import body_polar, equilibrium
+from jaxglide.tunnel.loads import loads
 from jaxglide.tunnel.trim import trim
-from jaxglide.tunnel.windtunnel import fall, loads
 
 GLIDER = Glider(Snake.from_svl(), Gait.from_degrees())
 CASES = settings(max_examples=15, deadline=None, derandomize=True, database=None)
@@ -76,9 +77,15 @@ ARGUMENTS = [
     argument(Gait.from_degrees, "f_theta", "Hz", 0, 50),
     argument(radians, "theta_m", "rad", 0, np.pi),
     argument(radians, "d_psi", "rad", -np.pi, np.pi),
-    argument(Environment, "gravity", "m/s^2", 0, 100),
-    argument(Environment, "air_density", "kg/m^3", 0, 2000, low_open=True),
-    argument(Environment, "kinematic_viscosity", "m^2/s", 0, 1, low_open=True),
+    argument(
+        lambda gravity: Glider(GLIDER.body, GLIDER.gait, gravity=gravity),
+        "gravity",
+        "m/s^2",
+        0,
+        100,
+    ),
+    argument(StillAir, "air_density", "kg/m^3", 0, 2000, low_open=True),
+    argument(StillAir, "kinematic_viscosity", "m^2/s", 0, 1, low_open=True),
     argument(Polar.published, "lift_scale", "", 0, 100),
     argument(Polar.smooth, "drag_scale", "", 0, 100),
     argument(Launch, "height", "m", 0, 1e5, low_open=True),
@@ -214,10 +221,12 @@ WRONG_SHAPES = {
     "height has shape (2,): it must be one number": lambda: Launch(height=[10, 20]),
     "angles has shape (1, 3): it must be (3,)": lambda: Launch(angles=[[0.1, 0.2, 0.3]]),
     "nu_theta has shape (2,): it must be one number": lambda: radians(nu_theta=[1.2, 1.4]),
-    "gravity has shape (1,): it must be one number": lambda: Environment(gravity=[9.81]),
+    "gravity has shape (1,): it must be one number": lambda: Glider(
+        GLIDER.body, GLIDER.gait, gravity=[9.81]
+    ),
     "rtol has shape (2,): it must be one number": lambda: simulate(GLIDER, rtol=[1e-6] * 2),
     "mass has shape (2,): it must be one number": lambda: simulate(
-        eqx.tree_at(lambda g: g.snake.mass, GLIDER, jnp.ones(2))
+        eqx.tree_at(lambda g: g.body.mass, GLIDER, jnp.ones(2))
     ),
     "time has shape (1,): it": lambda: loads(GLIDER, [0.0, 3.0, -4.0], time=[0.1]),
     "velocity has shape (2,): it must be (3,)": lambda: loads(GLIDER, [3.0, -4.0]),
@@ -237,7 +246,7 @@ def test_shapes_hold_inside_transformations_lane_by_lane():
     """Under `vmap` a lane's shape counts; what comes out may be batched."""
     gaits = jax.vmap(lambda nu: Gait(1.7, 0.3, nu, 1.2))(jnp.array([1.2, 1.4]))
     assert gaits.nu_theta.shape == (2,)
-    lanes = eqx.filter_vmap(lambda gait: Glider(GLIDER.snake, gait))(gaits)
+    lanes = eqx.filter_vmap(lambda gait: Glider(GLIDER.body, gait))(gaits)
     assert lanes.gait.theta_m.shape == (2,)
     with pytest.raises(ValueError, match=r"^\w+ has shape \(2,\): it must be one number"):
         simulate(lanes)
@@ -281,19 +290,19 @@ def test_bodies_and_polars_make_sense(message):
 
 
 WRONG_KINDS = {
-    "snake must be of type Snake, not Gait": lambda: Glider(GLIDER.gait, GLIDER.snake),
-    "polar must be of type Polar, not function": lambda: Glider(
-        GLIDER.snake, GLIDER.gait, flat
+    "body must be of type AbstractBody, not Gait": lambda: Glider(GLIDER.gait, GLIDER.body),
+    "aerodynamics must be of type AbstractAerodynamics, not function": lambda: Glider(
+        GLIDER.body, GLIDER.gait, flat
     ),
-    "environment must be of type Environment, not float": lambda: Glider(
-        GLIDER.snake, GLIDER.gait, environment=9.81
+    "air must be of type AbstractAir, not float": lambda: Glider(
+        GLIDER.body, GLIDER.gait, air=9.81
     ),
     "glider must be of type Glider, not None": lambda: simulate(None),
     "glider must be of type Glider, not str": lambda: simulate("x"),
     "launch must be of type Launch, not float": lambda: simulate(GLIDER, 10.0),
     "solver must be of type AbstractERK, not str": lambda: simulate(GLIDER, solver="tsit5"),
     "adjoint must be of type AbstractAdjoint, not str": lambda: simulate(GLIDER, adjoint="x"),
-    "glide must be of type Glide, not Glider": lambda: reconstruct(GLIDER),
+    "glide must be of type AbstractTrajectory, not Glider": lambda: reconstruct(GLIDER),
 }
 
 
@@ -307,11 +316,11 @@ def test_wrong_kinds_are_named(message):
 def test_every_front_door_wants_a_glider(take):
     given = {loads: ([0, 3, -4],), body_polar: (5.0, 0.5)}.get(take, ())
     with pytest.raises(TypeError, match=r"^glider must be of type Glider, not Snake$"):
-        take(GLIDER.snake, *given)
+        take(GLIDER.body, *given)
 
 
 def test_a_module_changed_behind_the_constructors_back_is_checked_again():
-    broken = eqx.tree_at(lambda g: g.snake.mass, GLIDER, jnp.asarray(-1.0))
+    broken = eqx.tree_at(lambda g: g.body.mass, GLIDER, jnp.asarray(-1.0))
     with pytest.raises(ValueError, match="mass = -1 kg"):
         simulate(broken)
     with pytest.raises(ValueError, match="height = nan m"):
@@ -323,7 +332,8 @@ def start_and_rates(values, body, air, state):
     theta_m, psi_m, nu_theta, f_theta, d_psi, d_theta = values
     gait = Gait(theta_m, psi_m, nu_theta, f_theta, d_psi, d_theta)
     snake = Snake(body[0], body[1], body[2], gyration=0.25)  # straight ones fly too
-    glider = Glider(snake, gait, Polar.published(body[3], body[4]), Environment(*air))
+    still = StillAir(air_density=air[1], kinematic_viscosity=air[2])
+    glider = Glider(snake, gait, Polar.published(body[3], body[4]), still, air[0])
     sections = discretise(snake)
     start = take_off(glider, Launch(), sections)
     flight = Flight(glider, sections, start.phi_theta)

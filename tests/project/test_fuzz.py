@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
 import jaxglide
-from jaxglide import Environment, Gait, Glider, Launch, Polar, Snake, simulate
+from jaxglide import Gait, Glider, Launch, Polar, Snake, StillAir, simulate
 from jaxglide.cli import _parser, main
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import survey
@@ -29,8 +29,8 @@ from jaxglide.measured import flights_dataset, measure_folder
 from jaxglide.search.objectives import landing_distance
 from jaxglide.search.optimise import optimise
 from jaxglide.search.problem import Problem
+from jaxglide.tunnel.fall import fall
 from jaxglide.tunnel.trim import trim
-from jaxglide.tunnel.windtunnel import fall
 from made_recordings import swimming, write_tabular
 
 PACKAGE = Path(jaxglide.__file__).parent
@@ -254,7 +254,7 @@ def _gait(**changed):
 
 
 def _glider(**changed):
-    return Glider(**({"snake": GLIDER.snake, "gait": GLIDER.gait} | changed))
+    return Glider(**({"snake": GLIDER.body, "gait": GLIDER.gait} | changed))
 
 
 def _problem(**changed):
@@ -284,9 +284,10 @@ _TABLE = [
     (Snake.from_svl, "nodes", _COUNTS),
     (Polar.published, "lift_scale drag_scale", _SCALARS),
     (Polar, "cells", _CELLS),
-    (Environment, "gravity air_density kinematic_viscosity", _SCALARS),
+    (StillAir, "air_density kinematic_viscosity", _SCALARS),
     (Launch, "height speed phi_theta elevation heading angles", _SCALARS),
-    (_glider, "snake gait polar", _PARTS),
+    (_glider, "body gait aerodynamics air", _PARTS),
+    (_glider, "gravity", _SCALARS),
     (_flown, "rtol atol max_time", _SCALARS),
     (_flown, "max_steps", _COUNTS),
     (_flown, "times", _TIMES),

@@ -11,7 +11,7 @@ import pytest
 
 from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake
 from jaxglide._lib import parameters
-from jaxglide.body.snake import discretise
+from jaxglide.body.sections import discretise
 from jaxglide.ensemble.cases import build, check_setup
 from jaxglide.search import objective as _objective
 from jaxglide.search.objectives import (
@@ -30,6 +30,7 @@ from jaxglide.search.objectives import (
     undulation_power,
     varied,
 )
+from jaxglide.shape.gait import waves
 from jaxglide.shape.kinematics import backbone
 
 SETUP = check_setup({"polar": "smooth", "node_set": "gauss", "nodes": 40})
@@ -114,19 +115,23 @@ def test_power_of_the_undulation_grows_with_the_cube_of_frequency():
 def test_clearance_of_an_arc():
     """Without waves the body is an arc of half a circle: its chord over 0.15 of the length."""
     arc = glider_of(theta_m=0.0, psi_m=0.0, d_theta=180.0, d_psi=0.0, nu_theta=1.0)
-    sections = discretise(arc.snake)
+    sections = discretise(arc.body)
     steps = np.abs(sections.fraction[:, None] - sections.fraction)
     nearest = float(steps[steps > 0.15].min())
-    chord = 2 * np.sin(np.pi * nearest / 2) * float(arc.snake.length) / np.pi
+    chord = 2 * np.sin(np.pi * nearest / 2) * float(arc.body.length) / np.pi
     assert float(clearance(arc)) == pytest.approx(chord / float(sections.chord.max()), rel=1e-3)
 
 
 def test_clearance_is_the_least_of_a_cycle():
     """Against positions at 24 phases, pair by pair."""
     glider = glider_of(theta_m=115.0, nu_theta=1.45)
-    sections, least = discretise(glider.snake), np.inf
-    at = jax.jit(lambda p: backbone(sections, glider.gait, neck, p, 0.0).position)
-    neck, fraction = glider.snake.neck_fraction, np.asarray(sections.fraction)
+    sections, least = discretise(glider.body), np.inf
+    at = jax.jit(
+        lambda p: (
+            backbone(sections, waves(glider.gait, neck, sections.fraction, p, 0.0)).position
+        )
+    )
+    neck, fraction = glider.body.neck_fraction, np.asarray(sections.fraction)
     for phase in 2 * np.pi * np.arange(24) / 24:
         place = np.asarray(at(phase)).T
         for a, b in combinations(range(len(place)), 2):
@@ -272,7 +277,7 @@ def test_without_gravity_a_tumble_goes_straight_on():
 
     def trial(v_z):
         made = ended(Outcome.UNSTABLE_ROLL, 6.0, (0.5, 3.0, v_z))
-        made.glider = eqx.tree_at(lambda g: g.environment.gravity, made.glider, jnp.zeros(()))
+        made.glider = eqx.tree_at(lambda g: g.gravity, made.glider, jnp.zeros(()))
         return made
 
     assert float(trial(-4.0).drop_time) == pytest.approx(1.5)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from jaxglide import Gait, shape_line
-from jaxglide.shape.gait import Bending, bending
+from jaxglide.shape.gait import waves
+from jaxglide.shape.motion import Bending
 
 NECK = 0.075
 GAITS = [
@@ -17,7 +18,7 @@ GAITS = [
 
 def at(gait, fraction, time, phi=0.3):
     rate = -2 * jnp.pi * gait.f_theta
-    return bending(gait, NECK, fraction, phi + rate * time, rate)
+    return waves(gait, NECK, fraction, phi + rate * time, rate)
 
 
 @pytest.mark.parametrize("gait", GAITS)

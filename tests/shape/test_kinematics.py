@@ -8,7 +8,8 @@ import pytest
 
 from jaxglide import Gait, Snake, discretise
 from jaxglide.loads.inertia import angular_momentum, inertia, inertia_tensor
-from jaxglide.shape.kinematics import backbone, wave_phase
+from jaxglide.shape.gait import wave_phase, waves
+from jaxglide.shape.kinematics import backbone
 
 GAITS = {
     "published": Gait.from_degrees(),
@@ -26,7 +27,10 @@ SNAKES = {
 @jax.jit
 def body_at(snake, gait, phi_theta, time):
     sections = discretise(snake)
-    body = backbone(sections, gait, snake.neck_fraction, *wave_phase(gait, phi_theta, time))
+    body = backbone(
+        sections,
+        waves(gait, snake.neck_fraction, sections.fraction, *wave_phase(gait, phi_theta, time)),
+    )
     return sections, body
 
 
@@ -34,7 +38,7 @@ def body_at(snake, gait, phi_theta, time):
 def test_against_the_published_code(index, golden, glider_of, relative_error):
     entry = golden("kinematics")[index]
     glider = glider_of(entry)
-    sections, body = body_at(glider.snake, glider.gait, entry["phi_theta"], entry["t"])
+    sections, body = body_at(glider.body, glider.gait, entry["phi_theta"], entry["t"])
     nodes = entry["nodes"]
     for name in ("position", "velocity", "tangent", "chord"):
         value = np.asarray(getattr(body, name))[:, nodes].T
@@ -150,7 +154,9 @@ def test_the_frame_is_smooth_where_the_tangent_is_vertical():
     def frames(psi_m):
         # psi = -psi_m cos(2a) with nu = 0: every node behind the neck at psi_m itself
         gait = Gait(theta_m=1.0, psi_m=psi_m, nu_theta=0.0, f_theta=1.0)
-        body = backbone(sections, gait, snake.neck_fraction, jnp.pi / 2, 0.0)
+        body = backbone(
+            sections, waves(gait, snake.neck_fraction, sections.fraction, jnp.pi / 2, 0.0)
+        )
         return jnp.stack([body.tangent, body.chord, body.normal])
 
     vertical, h = jnp.asarray(np.pi / 2), 1e-5

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from jaxglide import Gait, Glider, Polar, Snake
+from jaxglide.tunnel.loads import loads
 from jaxglide.tunnel.trim import GAIT_PARAMETERS, derivatives, pitch_moment, trim
-from jaxglide.tunnel.windtunnel import loads
 
 FINE = {"rtol": 1e-11, "atol": 1e-11}
 

@@ -8,13 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Environment, Gait, Glider, Launch, Outcome, Polar, Snake, discretise
+from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, discretise
 from jaxglide.flight.dynamics import Flight, six_degrees_of_freedom
 from jaxglide.loads.inertia import angular_momentum
-from jaxglide.shape.kinematics import backbone, wave_phase
+from jaxglide.shape.gait import wave_phase, waves
+from jaxglide.shape.kinematics import backbone
+from jaxglide.tunnel.fall import fall, loads_along, loads_at_end
 from jaxglide.tunnel.glide_polar import body_polar, equilibrium, velocity_polar
+from jaxglide.tunnel.loads import loads, over_phases
 from jaxglide.tunnel.trim import trim
-from jaxglide.tunnel.windtunnel import fall, loads, loads_along, loads_at_end, over_phases
 
 MOVING = np.array([0.0, 4.0, -5.0])
 
@@ -29,7 +31,7 @@ def falls(entries, glider_of):
     """The golden cases and, last, one without air, in one vmapped call."""
     gliders = [glider_of({"svl": 0.7, "f_theta": 1.2, "neck_fraction": 0.055 / 0.7, **entry})
                for entry in entries]  # fmt: skip
-    airless = Glider(gliders[0].snake, gliders[0].gait, Polar.published(0.0, 0.0))
+    airless = Glider(gliders[0].body, gliders[0].gait, Polar.published(0.0, 0.0))
     batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *gliders, airless)
     return batch, jax.jit(jax.vmap(fall))(batch)
 
@@ -141,7 +143,7 @@ def test_the_acceleration_is_the_phase_average_of_free_flight(held, glider):
     k = 20
     slope = (states[k + 1, 2:] - states[k - 1, 2:]) / (times[k + 1] - times[k - 1])
     state = jnp.zeros(13).at[4:6].set(states[k, 2:]).at[9:12].set(fallen.angles)
-    sections = discretise(glider.snake)
+    sections = discretise(glider.body)
     phases = 2 * np.pi * np.arange(5) / 5
     rates = [
         six_degrees_of_freedom(0.0, state, Flight(glider, sections, phase)) for phase in phases
@@ -172,9 +174,10 @@ def test_elements_add_up_and_moments_are_of_forces(glider):
     for name in ("force", "aerodynamic", "inertial"):
         summed = np.asarray(getattr(parts, name)).sum(-1)
         np.testing.assert_allclose(getattr(whole, name), summed, rtol=1e-9, atol=1e-12)
-    sections, j = discretise(glider.snake), 7
+    sections, j = discretise(glider.body), 7
+    neck = glider.body.neck_fraction
     phase, rate = wave_phase(glider.gait, 2 * np.pi * j / 12, 0.0)
-    body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, rate)
+    body = backbone(sections, waves(glider.gait, neck, sections.fraction, phase, rate))
     moment = np.cross(np.asarray(body.position), np.asarray(parts.force[j]), axis=0)
     np.testing.assert_allclose(parts.aerodynamic[j], moment, atol=1e-12)
 
@@ -182,11 +185,14 @@ def test_elements_add_up_and_moments_are_of_forces(glider):
 def test_the_inertial_moment_is_the_rate_of_angular_momentum(glider):
     """By central differences in time of sum m r x r' at the same launch phase."""
     found = np.asarray(loads(glider, MOVING, time=0.3, phases=12).inertial)
-    sections = discretise(glider.snake)
+    sections = discretise(glider.body)
 
     def momentum(j, time):
         phase, rate = wave_phase(glider.gait, 2 * np.pi * j / 12, time)
-        body = backbone(sections, glider.gait, glider.snake.neck_fraction, phase, rate)
+        body = backbone(
+            sections,
+            waves(glider.gait, neck, sections.fraction, phase, rate),
+        )
         return np.asarray(angular_momentum(sections, body))
 
     step = 1e-5
@@ -220,7 +226,7 @@ def test_lift_and_drag_are_the_force_along_and_across_the_path(glider):
         lift = force @ [0, np.sin(angle), np.cos(angle)]
         assert float(found.lift[i]) == pytest.approx(lift, rel=1e-9)
         assert float(found.lift_to_drag[i]) == pytest.approx(lift / -(force @ along))
-        scale = 0.5 * 1.165 * speed**2 * float(discretise(glider.snake).area.sum())
+        scale = 0.5 * 1.165 * speed**2 * float(discretise(glider.body).area.sum())
         assert float(found.lift_coefficient[i]) == pytest.approx(lift / scale)
         assert float(found.drag_coefficient[i]) == pytest.approx(-force @ along / scale)
 
@@ -257,7 +263,7 @@ def test_of_several_equilibria_the_stable_shallow_one_is_given(glider):
 
 
 def test_without_air_there_is_no_equilibrium(glider):
-    bare = eqx.tree_at(lambda g: g.polar, glider, Polar.smooth(0.0, 0.0))
+    bare = eqx.tree_at(lambda g: g.aerodynamics.polar, glider, Polar.smooth(0.0, 0.0))
     steady = equilibrium(bare)
     assert not bool(steady.found)
     assert not bool(steady.stable)
@@ -304,8 +310,8 @@ def test_a_lane_without_an_answer_keeps_its_gradient_to_itself(ask):
     def answer(p):
         gravity, psi_m, scale = p
         polar = Polar.smooth(scale, scale)
-        gait, air = Gait(1.7, psi_m, 1.4, 1.2, 0.17), Environment(gravity=gravity)
-        glider = Glider(Snake.from_svl(), gait, polar, air)
+        gait = Gait(1.7, psi_m, 1.4, 1.2, 0.17)
+        glider = Glider(Snake.from_svl(), gait, polar, gravity=gravity)
         if ask == "equilibrium":
             return equilibrium(glider, phases=4).velocity[0]
         launch, options = Launch(1.0, 1.7), {"phases": 4, "interval": 0.1, "max_time": 1.0}

@@ -9,8 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .._lib.documents import read_text
-from .recording import RecordingError
+from .documents import read_text
+
+
+class TableError(ValueError):
+    """A table from outside that cannot be used; the message says where and why."""
+
 
 Rows = list[dict[str, str]]
 _NOTHING = ("", "NA", "NaN", "nan")
@@ -20,20 +24,20 @@ def text_of(source: Path) -> str:
     """A text file, of bounded size; bytes that are no text stay in their cells.
 
     Raises:
-        RecordingError: it is too large.
+        TableError: it is too large.
         OSError: it cannot be read.
     """
     try:
         return read_text(source, errors="surrogateescape")
     except ValueError as error:
-        raise RecordingError(str(error)) from None
+        raise TableError(str(error)) from None
 
 
 def read_rows(source: Path, delimiter: str = ",", skip: int = 0) -> Rows:
     """Rows of a text file, after `skip` lines and a header.
 
     Raises:
-        RecordingError: the file has no row, one of another length, or two columns of a name.
+        TableError: the file has no row, one of another length, or two columns of a name.
         OSError: it cannot be read.
     """
     lines = io.StringIO(text_of(source), newline="")
@@ -41,16 +45,16 @@ def read_rows(source: Path, delimiter: str = ",", skip: int = 0) -> Rows:
     try:
         rows = list(reader)
     except csv.Error as error:
-        raise RecordingError(f"{source}: not a text file of columns ({error})") from None
+        raise TableError(f"{source}: not a text file of columns ({error})") from None
     if not rows:
-        raise RecordingError(f"{source}: no rows below the header")
+        raise TableError(f"{source}: no rows below the header")
     for name, count in Counter(reader.fieldnames).items():
         if count > 1 and name:
-            raise RecordingError(f"{source}: column {name!r} is there {count} times")
+            raise TableError(f"{source}: column {name!r} is there {count} times")
     for line, row in enumerate(rows, skip + 2):
         row.pop("", None)  # a tab at the end of the header
         if None in row or None in row.values():
-            raise RecordingError(f"{source}, line {line}: not as many columns as the header")
+            raise TableError(f"{source}, line {line}: not as many columns as the header")
     return rows
 
 
@@ -58,15 +62,15 @@ def texts(rows: Rows, column: str, source: Path) -> list[str]:
     """A column as it stands.
 
     Raises:
-        RecordingError: it is missing, or holds bytes that are no text.
+        TableError: it is missing, or holds bytes that are no text.
     """
     if column not in rows[0]:
-        raise RecordingError(f"{source}: column {column!r} is missing")
+        raise TableError(f"{source}: column {column!r} is missing")
     cells = [row[column].strip() for row in rows]
     for row, cell in enumerate(cells):
         if not cell.isascii() and not _is_text(cell):
             raw = cell.encode(errors="surrogateescape")
-            raise RecordingError(
+            raise TableError(
                 f"{source}: {str(raw)[1:]} in column {column!r}, row {row + 1} below the "
                 "header, is not UTF-8 text"
             )
@@ -81,7 +85,7 @@ def numbers(rows: Rows, columns: Sequence[str], source: Path, scale: float = 1) 
     """Columns as numbers times `scale`, NaN for NA or nothing, (rows, columns).
 
     Raises:
-        RecordingError: a column is missing, or holds something else.
+        TableError: a column is missing, or holds something else.
     """
     table = np.empty((len(rows), len(columns)))
     for index, column in enumerate(columns):
@@ -90,7 +94,7 @@ def numbers(rows: Rows, columns: Sequence[str], source: Path, scale: float = 1) 
         wrong = np.flatnonzero(np.isinf(table[:, index]))
         if wrong.size:
             text = rows[wrong[0]][column]
-            raise RecordingError(
+            raise TableError(
                 f"{source}: {text!r} in column {column!r}, row {wrong[0] + 1} below the "
                 "header, is not a finite number; nothing or NA stands where there is none"
             )
@@ -118,7 +122,7 @@ def check_clock(rows: Rows, rate: float, source: Path, column: str) -> None:
     """Compare a column of times [s] with the rate [Hz].
 
     Raises:
-        RecordingError: a frame is off by more than a tenth of a step and the times' own
+        TableError: a frame is off by more than a tenth of a step and the times' own
             rounding, or by half a step.
     """
     times = numbers(rows, (column,), source)[:, 0]
@@ -126,7 +130,40 @@ def check_clock(rows: Rows, rate: float, source: Path, column: str) -> None:
     allowed = min(0.1 + 1.5 * rate * rounding(rows, column, source), 0.5)
     if not (drift < allowed).all():
         frame = int(np.argmax(~(drift < allowed))) + 1
-        raise RecordingError(
+        raise TableError(
             f"{source}: column {column!r} is not in equal steps of 1/{rate:g} s "
             f"(first at frame {frame} of the file)"
         )
+
+
+def read_columns(
+    path: str | Path, wanted: Sequence[str], optional: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
+    """Columns of numbers of a CSV file, by name, each (rows,).
+
+    Args:
+        path: the file; its first line names the columns.
+        wanted: columns that must be there.
+        optional: columns that may be there; no other may.
+
+    Raises:
+        TableError: a column is missing, unknown or not of numbers; one sentence names it.
+        OSError: the file cannot be read.
+    """
+    source = Path(path)
+    rows = read_rows(source)
+    known = (*wanted, *optional)
+    for name in rows[0]:
+        if name.strip() not in known:
+            raise TableError(
+                f"{source}: column {name!r} is not known: known are {', '.join(known)}"
+            )
+    there = [name for name in known if name in wanted or name in rows[0]]
+    table = numbers(rows, there, source)
+    for name, column in zip(there, table.T, strict=True):
+        if not np.isfinite(column).all():
+            row = int(np.flatnonzero(~np.isfinite(column))[0]) + 1
+            raise TableError(
+                f"{source}: column {name!r} has no number in row {row} below the header"
+            )
+    return dict(zip(there, table.T, strict=True))

@@ -1,0 +1,176 @@
+"""The virtual wind tunnel: the attitude is held, the air's forces and moments are read.
+
+The paper's rotationally invariant model (figures 5 and 6). Body axes are x (pitch), y (roll)
+and z (yaw); with all angles 0 they are the inertial axes.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .._lib.checks import check_integer, check_range, check_shape, number
+from .._lib.numerics import cross
+from .._lib.parameters import TUNNEL
+from .._lib.types import Array, Float, Vec3
+from ..body.sections import discretise
+from ..flight.dynamics import (
+    ANGLES,
+    RIGID,
+    VELOCITY,
+    Elements,
+    Flight,
+    Glider,
+    check_glider,
+    elements,
+    with_own_states,
+)
+from ..flight.ends import ANGLE_LIMIT
+from ..loads.inertia import moment_of, over_nodes, shape_moment
+
+PITCH, ROLL, YAW = 0, 1, 2  # components of a moment in body axes
+
+MOMENT_PHASES = 60
+"""Phases at which moments are read, as published."""
+
+PHASES = int(TUNNEL["phases"].low), int(TUNNEL["phases"].high)
+"""Fewest and most phases: with fewer than four, left and right alone are compared."""
+
+
+def phases_of(count: int) -> Float[Array, " P"]:
+    """`count` equally spaced phases phi_theta from 0 [rad], (P,)."""
+    return 2 * jnp.pi / count * jnp.arange(count)
+
+
+def held_elements(glider, sections, velocity, angles, time, phase) -> Elements:
+    """The body's elements at a held attitude, moving at `velocity` [m/s], (3,).
+
+    Motion and aerodynamics with own states start there; the place is the origin.
+    """
+    rigid = jnp.zeros((RIGID,), velocity.dtype).at[VELOCITY].set(velocity)
+    flight = Flight(glider, sections, phase)
+    return elements(time, with_own_states(time, rigid.at[ANGLES].set(angles), flight), flight)
+
+
+class Loads(eqx.Module):
+    """Forces and moments by phase in body axes, of the whole body or of each element.
+
+    Leading dimensions `...` are those of times or cases; per element there is a trailing
+    dimension n.
+
+    Attributes:
+        force: force of the air [N], (..., P, 3) or (..., P, 3, n).
+        aerodynamic: its moment about the centre of mass [N m], same shape.
+        inertial: rate [h'] of the shape change's angular momentum [N m], same shape.
+    """
+
+    force: Float[Array, "..."]
+    aerodynamic: Float[Array, "..."]
+    inertial: Float[Array, "..."]
+
+    @property
+    def inertial_ratio(self) -> Float[Array, "... 3"]:
+        """Peak-to-peak of the inertial over that of the aerodynamic moment, (..., 3).
+
+        NaN, for undefined, where the air's moment is the same at all phases: without air, or
+        for a straight body.
+        """
+        air = over_phases(self.aerodynamic).peak_to_peak
+        return jnp.where(
+            air == 0,
+            jnp.nan,
+            over_phases(self.inertial).peak_to_peak / jnp.where(air == 0, 1.0, air),
+        )
+
+
+class OverPhases(NamedTuple):
+    """Statistics over phases, each (..., 3)."""
+
+    mean: Float[Array, "... 3"]
+    lowest: Float[Array, "... 3"]
+    highest: Float[Array, "... 3"]
+    peak_to_peak: Float[Array, "... 3"]
+
+
+def over_phases(values: Float[Array, "... P 3"]) -> OverPhases:
+    """Mean, extremes and peak-to-peak of (..., P, 3) over its phases."""
+    lowest, highest = values.min(-2), values.max(-2)
+    return OverPhases(values.mean(-2), lowest, highest, highest - lowest)
+
+
+def by_phase(glider, sections, velocity, angles, time, phases, per_element=False) -> Loads:
+    """Loads at every phase, (P, 3), or of every element, (P, 3, n)."""
+
+    def at(phase):
+        now = held_elements(glider, sections, velocity, angles, time, phase)
+        r, force = now.body.position, now.aerodynamics.force
+        inertial = shape_moment(sections, now.body)
+        if per_element:
+            return Loads(force, cross(r, force), inertial)
+        return Loads(over_nodes(force), moment_of(r, force), over_nodes(inertial))
+
+    return jax.vmap(at)(phases_of(phases))
+
+
+def check_angles(angles, phases) -> Vec3:
+    """Held angles [rad] as an array; `ValueError` where they or the phases are not allowed."""
+    angles = number("angles")(angles)
+    check_shape("angles", angles, (3,))
+    limit = ANGLE_LIMIT
+    check_range("angles", angles, "rad", -limit, limit, low_open=True, high_open=True)
+    check_integer("phases", phases, *PHASES)
+    return angles
+
+
+def checkheld_elements(velocity, angles, phases) -> tuple[Vec3, Vec3]:
+    """Velocity [m/s] and angles [rad] as arrays; `ValueError` where they are not (3,)."""
+    angles = check_angles(angles, phases)
+    velocity = number("velocity")(velocity)
+    check_shape("velocity", velocity, (3,))
+    check_range("velocity", velocity, "m/s", -1e3, 1e3)
+    return velocity, angles
+
+
+def check_held(velocity, angles, phases) -> tuple[Vec3, Vec3]:
+    """Velocity [m/s] and angles [rad] as arrays; `ValueError` where they are not (3,)."""
+    angles = check_angles(angles, phases)
+    velocity = number("velocity")(velocity)
+    check_shape("velocity", velocity, (3,))
+    check_range("velocity", velocity, "m/s", -1e3, 1e3)
+    return velocity, angles
+
+
+@eqx.filter_jit
+def _read(glider, velocity, angles, time, phases, per_element):
+    sections = discretise(glider.body)
+    return by_phase(glider, sections, velocity, angles, time, phases, per_element)
+
+
+def loads(
+    glider: Glider,
+    velocity,
+    angles=(0.0, 0.0, 0.0),
+    *,
+    time=0.0,
+    phases: int = MOMENT_PHASES,
+    per_element: bool = False,
+) -> Loads:
+    """Forces and moments by phase at a velocity and attitude.
+
+    Args:
+        glider: what is in the tunnel.
+        velocity: of the centre of mass, inertial axes [m/s], (3,).
+        angles: yaw, pitch, roll [rad], (3,), below 85 degrees.
+        time: in the waves' phase phi_theta - 2 pi f_theta t [s].
+        phases: number of phases phi_theta, equally spaced from 0, 4 to 3600.
+        per_element: keep every element apart, (P, 3, n), instead of their sum, (P, 3).
+
+    Raises:
+        ValueError: an argument is not finite or out of range.
+    """
+    check_glider(glider)
+    velocity, angles = checkheld_elements(velocity, angles, phases)
+    check_shape("time", time, ())
+    check_range("time", time, "s", -1e4, 1e4)
+    return _read(glider, velocity, angles, jnp.asarray(time, angles.dtype), phases, per_element)

@@ -135,6 +135,10 @@ class Part(eqx.Module):
 
     def __check_init__(self):
         check_fields(self)
+        self._check()
+
+    def _check(self) -> None:
+        """What is to be checked beyond single fields; called when these are right."""
 
 
 def recheck(module: eqx.Module) -> None:

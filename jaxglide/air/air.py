@@ -195,7 +195,7 @@ class Turbulence(AbstractAir):
     seed: int = eqx.field(static=True, default=0)
     modes: int = eqx.field(static=True, default=128)
 
-    def __check_init__(self):
+    def _check(self):
         check_integer("seed", self.seed, 0, 2**63 - 1)
         check_integer("modes", self.modes, 8, 4096)
 

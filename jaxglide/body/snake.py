@@ -114,7 +114,7 @@ class Snake(AbstractBody):
     node_set: NodeSet = eqx.field(static=True, default="published")
     spacing: float | None = eqx.field(static=True, default=None)
 
-    def __check_init__(self):
+    def _check(self):
         self._check_profiles()
         check_nodes(self.nodes, self.node_set)
         if self.spacing is not None:

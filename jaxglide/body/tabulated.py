@@ -94,7 +94,7 @@ class TabulatedBody(AbstractBody):
     nodes: int = eqx.field(static=True, default=70, kw_only=True)
     node_set: NodeSet = eqx.field(static=True, default="published", kw_only=True)
 
-    def __check_init__(self):
+    def _check(self):
         check_nodes(self.nodes, self.node_set)
         stations, points = self.position.shape[0], self.point_position.shape[0]
         for name, count in (("chord", stations), ("density", stations), ("point_mass", points)):

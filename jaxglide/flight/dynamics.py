@@ -79,7 +79,7 @@ class Glider(Part):
         metadata=about("m/s^2", "gravitational acceleration", symbol="g", low=0, high=100),
     )
 
-    def __check_init__(self):
+    def _check(self):
         check_kind("body", self.body, AbstractBody)
         check_kind("gait", self.gait, AbstractMotion)
         check_kind("aerodynamics", self.aerodynamics, AbstractAerodynamics)

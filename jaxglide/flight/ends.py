@@ -132,7 +132,7 @@ class AngleLimit(AbstractEnd):
     angles: tuple[str, ...] = eqx.field(static=True, converter=tuple, default=TURNS)
     steady: ClassVar[bool] = True
 
-    def __check_init__(self):
+    def _check(self):
         wrong = set(self.angles) - set(TURNS)
         if wrong or not self.angles or len(set(self.angles)) < len(self.angles):
             raise ValueError(
@@ -175,7 +175,7 @@ class Plane(AbstractEnd):
     )
     steady: ClassVar[bool] = True
 
-    def __check_init__(self):
+    def _check(self):
         if not is_traced(self.normal) and not np.any(np.asarray(self.normal)):
             raise ValueError("normal = (0, 0, 0) is not allowed: it has no direction")
 
@@ -223,7 +223,7 @@ class End(AbstractEnd):
     function: Callable[..., Any] = eqx.field(converter=as_module)
     word: str = eqx.field(static=True)
 
-    def __check_init__(self):
+    def _check(self):
         if not callable(self.function):
             raise TypeError(f"function = {self.function!r} is not a function")
         state = jax.ShapeDtypeStruct((13,), float)

@@ -6,10 +6,8 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optimistix as optx
 
-from .._lib.checks import check_range, is_traced
 from .._lib.fields import Part, about, floats
 from .._lib.numerics import safe_sqrt, sincos, solve3
 from .._lib.types import Array, Float, Mat3, Scalar, State, Vec3
@@ -37,7 +35,7 @@ class Launch(Part):
             with the square root of wing loading (1.7534 m/s for the default snake).
         phi_theta: phase of the horizontal wave [rad]; by default the one that minimises
             the angular momentum of the shape change (0 for a motion without a cycle).
-        angles: yaw, pitch, roll [rad], (3,), the pitch below 85 degrees; by default minus
+        angles: yaw, pitch, roll [rad], (3,), below 85 degrees; by default minus
             the mean attitude over a free undulation cycle (level without a cycle).
         elevation: of the launch velocity above the horizontal [rad], -pi/2 to pi/2.
         heading: of the launch velocity to the left of forward [rad], -pi to pi.
@@ -61,7 +59,16 @@ class Launch(Part):
         metadata=about("rad", "launch phase", symbol=r"\phi_\theta", low=-1e3, high=1e3),
     )
     angles: Vec3 | None = eqx.field(
-        converter=floats, default=None, metadata=about("rad", "launch attitude")
+        converter=floats,
+        default=None,
+        metadata=about(
+            "rad",
+            "launch attitude",
+            low=-ANGLE_LIMIT,
+            high=ANGLE_LIMIT,
+            low_open=True,
+            high_open=True,
+        ),
     )
     elevation: Scalar = eqx.field(
         converter=floats,
@@ -78,21 +85,6 @@ class Launch(Part):
         default=None,
         metadata=about("rad/s", "angular velocity at launch", low=-1e3, high=1e3),
     )
-
-    def __check_init__(self):
-        if self.angles is None or is_traced(self.angles):
-            return
-        limits = np.array([np.pi, ANGLE_LIMIT, np.pi])
-        check_range(
-            "angles",
-            self.angles[1],
-            "rad",
-            -limits[1],
-            limits[1],
-            low_open=True,
-            high_open=True,
-        )
-        check_range("angles", self.angles, "rad", -np.pi, np.pi)
 
 
 class TakeOff(eqx.Module):

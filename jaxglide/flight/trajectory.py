@@ -5,7 +5,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .._lib.checks import check_integer, check_kind, check_range, check_shape, is_traced, number
+from .._lib.checks import all_known, check_integer, check_kind, check_range, check_shape, number
 from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Integer, Scalar, State, Vec3
 from ..body.sections import discretise
@@ -179,6 +179,6 @@ def reconstruct(glide: AbstractTrajectory, times=None) -> Elements:
     else:
         times = number("times")(times)
         states = glide.at(times)
-        if not is_traced(glide.time):
+        if all_known(glide.time):
             check_range("times", times, "s", float(glide.start_time), float(glide.time))
     return _reconstruct(glide.glider, glide.phase, times, states)

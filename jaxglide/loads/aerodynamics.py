@@ -174,7 +174,7 @@ class SweepTheory(AbstractAerodynamics):
 
     polar: AbstractPolar
 
-    def __check_init__(self):
+    def _check(self):
         check_kind("polar", self.polar, AbstractPolar)
 
     def __call__(self, flow, states):
@@ -214,7 +214,7 @@ class LaggingCirculation(AbstractAerodynamics):
         metadata=about("", "share of the circulation that lags", low=0, high=1),
     )
 
-    def __check_init__(self):
+    def _check(self):
         check_kind("polar", self.polar, AbstractPolar)
 
     def _steady(self, flow: Flow) -> tuple[_Section, Any, Any]:

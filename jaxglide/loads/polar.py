@@ -217,7 +217,7 @@ class Polar(AbstractPolar):
         converter=floats, default=1.0, metadata=scale_of("multiplier on the drag coefficient")
     )
 
-    def __check_init__(self):
+    def _check(self):
         if not is_traced(self.cells):
             check_range("C_D of cells", np.asarray(self.cells)[:, :, 1, 0, 0], "", 0)
 

@@ -52,7 +52,7 @@ class TabulatedPolar(AbstractPolar):
         converter=floats, default=1.0, metadata=scale_of("multiplier on the drag coefficient")
     )
 
-    def __check_init__(self):
+    def _check(self):
         shape = self.angle_of_attack.shape[0], self.reynolds.shape[0]
         for name in ("lift", "drag"):
             found = getattr(self, name).shape

@@ -90,7 +90,7 @@ class Programme(AbstractDrive):
     )
     cyclic: bool = eqx.field(static=True, default=True)
 
-    def __check_init__(self):
+    def _check(self):
         check_knots("times", self.times, "s")
         if self.inputs.shape[0] != len(self.times):
             raise ValueError(
@@ -212,7 +212,7 @@ class Actuated(AbstractDrive):
     )
     cyclic: bool = eqx.field(static=True, default=True)
 
-    def __check_init__(self):
+    def _check(self):
         count = self.initial.shape[0]
         for name in ("rate_limit", "low", "high"):
             value = getattr(self, name)

@@ -179,7 +179,7 @@ class Driven(AbstractMotion):
     shape: AbstractShape
     drive: AbstractDrive
 
-    def __check_init__(self):
+    def _check(self):
         check_kind("shape", self.shape, AbstractShape)
         check_kind("drive", self.drive, AbstractDrive)
         names = self.shape.coordinates

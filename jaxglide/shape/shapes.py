@@ -19,7 +19,8 @@ class Serpenoid(AbstractShape):
     """
 
     @property
-    def coordinates(self):
+    def coordinates(self) -> tuple[str, ...]:
+        """theta_m, psi_m, nu_theta, d_psi, d_theta and phase."""
         return ("theta_m", "psi_m", "nu_theta", "d_psi", "d_theta", "phase")
 
     def bending(self, fraction, neck_fraction, coordinates):
@@ -91,7 +92,7 @@ class Waveform(AbstractShape):
     coordinates: tuple[str, ...] = eqx.field(static=True, converter=tuple)  # type: ignore
     neck: bool = eqx.field(static=True, default=True)
 
-    def __check_init__(self):
+    def _check(self):
         names = self.coordinates
         if not callable(self.angles):
             raise TypeError(f"angles = {self.angles!r} is not a function")

@@ -38,7 +38,7 @@ class TabulatedMotion(AbstractMotion):
         converter=floats, metadata=about("rad", "vertical bending angle")
     )
 
-    def __check_init__(self):
+    def _check(self):
         check_knots("times", self.times, "s")
         check_knots("stations", self.stations, "of the length")
         if not 0 <= self.stations[0] <= self.stations[-1] <= 1:

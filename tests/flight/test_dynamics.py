@@ -78,7 +78,7 @@ def test_rotation_is_the_papers_equation(gyration, flight, random_states):
     """I w' = M - w x I w - [I'] w - w x h - [h'], with each term from `inertia`."""
     times, states = random_states(40, seed=2)
     snake = Snake.from_svl(gyration=gyration)
-    flight = flight_of(Glider(snake, flight.glider.gait), flight.phi_theta)
+    flight = flight_of(Glider(snake, flight.glider.gait), flight.phase)
     rates, now = field(times, states, flight)
     parts = jax.jit(jax.vmap(lambda body: inertia(flight.sections, body)))(now.body)
     tensor, tensor_rate, h, h_dot = (np.asarray(part) for part in parts)
@@ -164,7 +164,7 @@ def test_at_rest_the_field_and_its_derivative_are_finite(flight):
     still = Flight(
         Glider(flight.glider.body, Gait.from_degrees(f_theta=0.0), Polar.smooth()),
         flight.sections,
-        flight.phi_theta,
+        flight.phase,
     )
     rates, jacobian = jax.jit(
         lambda y: (

@@ -157,8 +157,7 @@ def test_a_lane_that_goes_wrong_keeps_its_gradient_to_itself():
     def gradient(p):
         gravity, psi_m, height = p
         snake = Snake.from_svl(0.7, 0.038, nodes=36, node_set="gauss")
-        air = gravity = gravity
-        glider = Glider(snake, Gait(1.7, psi_m, 1.4, 1.2), Polar.smooth(), air)
+        glider = Glider(snake, Gait(1.7, psi_m, 1.4, 1.2), Polar.smooth(), gravity=gravity)
         return simulate(glider, Launch(height), max_time=1.0).state[1]
 
     good = [9.81, 0.35, 1.0]

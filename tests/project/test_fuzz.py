@@ -254,7 +254,7 @@ def _gait(**changed):
 
 
 def _glider(**changed):
-    return Glider(**({"snake": GLIDER.body, "gait": GLIDER.gait} | changed))
+    return Glider(**({"body": GLIDER.body, "gait": GLIDER.gait} | changed))
 
 
 def _problem(**changed):

@@ -186,6 +186,7 @@ def test_the_inertial_moment_is_the_rate_of_angular_momentum(glider):
     """By central differences in time of sum m r x r' at the same launch phase."""
     found = np.asarray(loads(glider, MOVING, time=0.3, phases=12).inertial)
     sections = discretise(glider.body)
+    neck = sections.neck_fraction
 
     def momentum(j, time):
         phase, rate = wave_phase(glider.gait, 2 * np.pi * j / 12, time)

@@ -211,7 +211,7 @@ def test_page_holds_the_scene(scene, page):
 
 
 def test_ten_metres_make_a_small_file():
-    page = fly(height=10.0).view()
+    page = view(fly(height=10.0))
     about, _ = numbers(page.html)
     assert about["glides"][0]["frames"] > 100
     assert len(page.html.encode()) < 2.5e6
@@ -255,7 +255,7 @@ def test_texts_that_no_file_holds_are_mended(glide, tmp_path):
 
 def test_page_saves_itself_and_shows_itself_in_a_notebook(glide, page, tmp_path):
     path = tmp_path / "glide.html"
-    page = glide.view(path, title='A "quoted" <glide>')
+    page = view(glide, path, title='A "quoted" <glide>')
     assert isinstance(page, Page)
     assert path.read_text(encoding="utf-8") == page.html
     assert page.save(str(tmp_path / "again.html")).read_text(encoding="utf-8") == page.html

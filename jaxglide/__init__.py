@@ -15,6 +15,7 @@ _ROOMS = {
         "Snake",
         "TabulatedBody",
         "discretise",
+        "mass_from_length",
     ),
     "shape": (
         "AbstractDrive",
@@ -50,6 +51,7 @@ _ROOMS = {
     "flight": (
         "AbstractEnd",
         "AngleLimit",
+        "Case",
         "Elements",
         "End",
         "Flight",

@@ -8,6 +8,7 @@ read; the module holds it in SI units and radians.
 
 import dataclasses
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -33,6 +34,8 @@ class Parameter:
         default: in that unit; None where it has none, or follows from others.
         optional: whether it may be None, and then follows from others.
         short: another unique name, or None.
+        rule: what it follows from where it is not given: function of the module that owns it
+            to its value in SI units and radians; None where it follows from nothing.
     """
 
     unit: str
@@ -46,6 +49,7 @@ class Parameter:
     default: float | None = None
     optional: bool = False
     short: str | None = None
+    rule: Callable[[Any], Any] | None = None
 
     @property
     def factor(self) -> float:

@@ -35,6 +35,18 @@ _HEAD_END = 0.037
 LEAST_GYRATION = 1e-5  # below it the inertia would be round-off
 
 
+def mass_from_length(svl):
+    """Mass [kg] of a flying snake of a snout-vent length [m], after 17 animals.
+
+    Socha and LaBarbera 2005, doi:10.1242/jeb.01579.
+    """
+    return 1e-3 * jnp.exp(-9.94919177 + 3.19831074 * jnp.log(100 * svl))
+
+
+def _by_length(snake: "Snake") -> Scalar:
+    return mass_from_length(snake.length)
+
+
 class Snake(AbstractBody):
     """A gliding body: size, mass, planform, mass distribution, and its nodes.
 
@@ -73,7 +85,9 @@ class Snake(AbstractBody):
     )
     mass: Scalar = eqx.field(
         converter=floats,
-        metadata=about("kg", "mass", symbol="m", low=0, high=1e5, low_open=True),
+        metadata=about(
+            "kg", "mass", symbol="m", low=0, high=1e5, low_open=True, rule=_by_length
+        ),
     )
     neck_fraction: Scalar = eqx.field(
         converter=floats,
@@ -186,14 +200,6 @@ class Snake(AbstractBody):
             return midpoints(self.nodes, step)
         ends = self.head_fraction, self.neck_fraction
         return gauss_nodes(self.nodes, jnp.minimum(*ends), jnp.maximum(*ends))
-
-
-def mass_from_length(svl):
-    """Mass [kg] of a flying snake of a snout-vent length [m], after 17 animals.
-
-    Socha and LaBarbera 2005, doi:10.1242/jeb.01579.
-    """
-    return 1e-3 * jnp.exp(-9.94919177 + 3.19831074 * jnp.log(100 * svl))
 
 
 @lru_cache(maxsize=64)

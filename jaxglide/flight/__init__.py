@@ -1,5 +1,6 @@
 """One flight: equations of motion, launch, ends, the glide."""
 
+from .case import Case
 from .dynamics import Elements, Flight, Glider, elements, six_degrees_of_freedom
 from .ends import (
     AbstractEnd,
@@ -20,6 +21,7 @@ from .trajectory import Trajectory, reconstruct
 __all__ = [
     "AbstractEnd",
     "AngleLimit",
+    "Case",
     "Elements",
     "End",
     "Flight",

@@ -17,6 +17,15 @@ from .motion import AbstractMotion, Bending, in_neck
 _ANGLES = ("theta_m", "psi_m", "d_psi", "d_theta")
 
 
+def shape_line(nu_theta):
+    """Horizontal amplitude [deg] of the published shape line at `nu_theta`."""
+    return 175.72823 - 56.6005 * nu_theta
+
+
+def _on_the_line(gait: "Gait") -> Scalar:
+    return jnp.deg2rad(shape_line(gait.nu_theta))
+
+
 class Gait(AbstractMotion):
     """An aerial serpenoid gait, angles in radians; see `from_degrees`.
 
@@ -47,6 +56,7 @@ class Gait(AbstractMotion):
             low=0,
             high=180,
             observed=(80, 120),
+            rule=_on_the_line,
         ),
     )
     psi_m: Scalar = eqx.field(
@@ -128,11 +138,6 @@ class Gait(AbstractMotion):
 
     def cycle(self, fraction, neck_fraction, phase):
         return waves(self, neck_fraction, fraction, phase, 1.0)
-
-
-def shape_line(nu_theta):
-    """Horizontal amplitude [deg] of the published shape line at `nu_theta`."""
-    return 175.72823 - 56.6005 * nu_theta
 
 
 def wave_phase(gait: Gait, phi_theta, time) -> tuple[Scalar, Scalar]:

@@ -1,7 +1,8 @@
 """Floats of a module by name: by their path, or by a last name that is unique.
 
-A path names fields, `gait.nu_theta`, and an element of an array by its index,
-`air.velocity[0]`, or of a tuple of modules, `ends[1].limit`. Values are in the units that people read (see `fields`).
+A path names fields, `gait.nu_theta`, an element of an array by its index,
+`air.velocity[0]`, or of a tuple of modules, `ends[1].limit`. Values are in the units that
+people read (see `fields`).
 """
 
 import dataclasses

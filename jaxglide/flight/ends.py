@@ -90,13 +90,13 @@ class Ground(AbstractEnd):
     """The ground: z = 0, or another height.
 
     Args:
-        height: of the ground [m].
+        level: its height [m].
     """
 
-    height: Scalar = eqx.field(
+    level: Scalar = eqx.field(
         converter=floats,
         default=0.0,
-        metadata=about("m", "height of the ground", low=-1e5, high=1e5, short="ground"),
+        metadata=about("m", "height of the ground", low=-1e5, high=1e5),
     )
     steady: ClassVar[bool] = True
 
@@ -109,7 +109,7 @@ class Ground(AbstractEnd):
         return (int(Outcome.LANDED),)
 
     def __call__(self, time, state):
-        return state[2:3] - self.height
+        return state[2:3] - self.level
 
 
 class AngleLimit(AbstractEnd):

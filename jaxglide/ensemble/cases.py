@@ -7,14 +7,15 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import check_choice, check_integer, check_range
-from .._lib.parameters import CHOICES, NODES, NODES_RANGE, PARAMETERS
+from .._lib.checks import check_range
+from .._lib.parameters import PARAMETERS
 from ..air.air import StillAir
 from ..body.snake import Snake
 from ..flight.dynamics import Glider
 from ..flight.launch import Launch
 from ..loads.polar import Polar
 from ..shape.gait import Gait, shape_line
+from .base import check_setup as check_setup
 
 
 def check_parameters(values: Mapping[str, Any]) -> None:
@@ -27,25 +28,6 @@ def check_parameters(values: Mapping[str, Any]) -> None:
         check_range(
             name, value, p.unit, p.low, p.high, low_open=p.low_open, high_open=p.high_open
         )
-
-
-def check_setup(setup: Mapping[str, Any]) -> dict[str, Any]:
-    """The setup with defaults filled in: polar, node_set, nodes.
-
-    Raises:
-        ValueError: an unknown name or value.
-    """
-    unknown = set(setup) - {*CHOICES, "nodes"}
-    if unknown:
-        raise ValueError(f"there is no setting {sorted(unknown)[0]!r}")
-    full = {name: setup.get(name, choices[0]) for name, choices in CHOICES.items()}
-    for name, choices in CHOICES.items():
-        check_choice(name, full[name], choices)
-    nodes = setup.get("nodes")
-    nodes = NODES[full["node_set"]] if nodes is None else nodes
-    check_integer("nodes", nodes, *NODES_RANGE)
-    # NumPy's own kinds of text and number are not JSON's
-    return {name: str(choice) for name, choice in full.items()} | {"nodes": int(nodes)}
 
 
 def full_case(case: Mapping[str, Any]) -> dict[str, Any]:

@@ -477,6 +477,7 @@ def thrown(degrees):
     return 6 * np.cos(a) * (up + np.sqrt(up**2 + 4 * 9.81)) / 9.81
 
 
+@pytest.mark.slow
 def test_gradient_is_the_closed_form_and_shows_its_check(capsys):
     code, out, err = run(capsys, "gradient", *THROW, "--fix", "elevation=20", "--json")
     assert (code, err) == (0, "")
@@ -493,6 +494,7 @@ def test_gradient_is_the_closed_form_and_shows_its_check(capsys):
     assert "mass follows from other parameters" in err
 
 
+@pytest.mark.slow
 def test_optimise_finds_the_best_throw(capsys, tmp_path):
     save, plot, log = tmp_path / "o.nc", tmp_path / "o.png", tmp_path / "o.jsonl"
     options = ("optimise", *THROW, "--bounds", "elevation=10:60", "--margin", "none")

@@ -16,6 +16,7 @@ from jaxglide.tunnel.loads import loads, over_phases
 from jaxglide.tunnel.trim import trim
 
 PITCH, ROLL, YAW = "pitch", "roll", "yaw"
+OPTIONS = {"phases": 6, "interval": 0.1, "max_time": 2.0}
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def data(study):
-    return survey(study, phases=6, interval=0.1, max_time=2.0, angles=(0.0, 0.1, 0.0))
+    return survey(study, angles=(0.0, 0.1, 0.0), **OPTIONS)
 
 
 def test_a_survey_is_labelled(data, study, tmp_path):
@@ -73,14 +74,20 @@ def test_a_survey_is_what_single_falls_and_loads_say(data, study):
         assert np.isnan(one.aerodynamic.values[last + 1 :]).all()
 
 
-def test_the_default_speed_is_the_published_one_and_a_given_one_counts():
-    given = {"height": 0.3, "nu_theta": [1.2], "d_psi": [0.0]}
-    cases = {name: np.atleast_1d(value) for name, value in given.items()}
-    options = {"phases": 4, "interval": 0.1, "max_time": 1.0}
-    slow = survey(Study(cases=cases), **options)
-    fast = survey(Study(cases={**cases, "speed": [3.0]}), **options)
-    assert slow.velocity.values[0, 0].tolist() == [1.7, 0.0]
-    assert fast.velocity.values[0, 0].tolist() == [3.0, 0.0]
+def test_the_default_speed_is_the_published_one_and_a_given_one_counts(study):
+    slow, fast = (
+        survey(
+            Study(
+                {"d_psi": [0.0], "nu_theta": [1.2]},
+                fixed={"height": 0.3, "theta_m": 100.0, **more},
+                setup=study.setup,
+            ),
+            **OPTIONS,
+        )
+        for more in ({}, {"speed": 3.0})
+    )
+    assert slow.velocity.values[0, 0, 0].tolist() == [1.7, 0.0]
+    assert fast.velocity.values[0, 0, 0].tolist() == [3.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -118,12 +125,19 @@ def test_what_a_held_glide_has_no_use_for_is_refused(given):
         fall(glider, Launch(**given))
 
 
-def test_a_held_glide_in_float32_is_told_of():
+def test_a_held_glide_in_float32_is_told_of(monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxglide.tunnel.windtunnel._dropped", interrupted)
     with jax.enable_x64(False):
         glider = build({}, check_setup({"nodes": 8}))[0]
         for compute in (fall, trim):
-            with pytest.warns(UserWarning, match="too tight for float32") as said:
-                compute(glider, launch=Launch(0.01, 1.0), max_time=0.02)
+            with (
+                pytest.warns(UserWarning, match="too tight for float32") as said,
+                pytest.raises(KeyboardInterrupt),
+            ):
+                compute(glider, launch=Launch(0.01, 1.0))
             assert {one.filename for one in said} == {__file__}
         with (
             pytest.warns(UserWarning, match="too tight"),

@@ -101,7 +101,7 @@ def test_lift_does_no_work_and_drag_does(entries):
     data, kept = dataset(entries), {}
     start = data.start_position.values[:, 2], data.start_velocity.values
     for name, scales in {"lift": (1.0, 0.0), "drag": (0.0, 1.0), "none": (0.0, 0.0)}.items():
-        alone = fly_flights(data, lift_scale=scales[0], drag_scale=scales[1])
+        alone = fly_flights(data, lift_scale=scales[0], drag_scale=scales[1], tolerance=1e-6)
         state = alone.isel(time_simulated=60)
         ends = state.path.values[:, 2], state.simulated_velocity.values
         before, after = (9.81 * z + 0.5 * np.sum(v**2, axis=1) for z, v in (start, ends))

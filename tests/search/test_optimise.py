@@ -421,7 +421,7 @@ def test_values_and_gradients_of_many_flights_are_the_closed_forms(evaluator):
 
 def test_the_best_elevation_of_a_throw(thrown, evaluator):
     """tan(best) = v/sqrt(v^2 + 2 g h), through the whole simulation."""
-    found = optimise(thrown, starts=4, steps=60, evaluator=evaluator)
+    found = optimise(thrown, starts=4, steps=60, screen=16, polish=4, evaluator=evaluator)
     best = math.degrees(math.atan(6 / math.sqrt(36 + 2 * 9.81 * 2)))
     assert found.best["elevation"] == pytest.approx(best, abs=0.5)
     assert found.value == pytest.approx(flown(best)[0], rel=1e-4)

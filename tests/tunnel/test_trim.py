@@ -42,6 +42,7 @@ def slopes():
     return jax.jit(jax.jacfwd(lambda values: (moment(values),) * 2, has_aux=True))
 
 
+@pytest.mark.slow
 def test_the_gradient_of_the_mean_pitch_moment_against_differences(slopes):
     """To 1e-6 of the value."""
     expected = [slope(lambda x: slopes(x)[1], HERE, i, step) for i, step in enumerate(STEPS)]

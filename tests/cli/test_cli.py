@@ -14,7 +14,7 @@ from command import run
 from jaxglide import Outcome, cli
 from jaxglide.cli._options import print_json
 from jaxglide.tunnel.fall import fall, loads_at_end
-from jaxglide.tunnel.loads import over_phases
+from jaxglide.tunnel.loads import loads, over_phases
 from jaxglide.tunnel.trim import derivatives
 
 
@@ -297,7 +297,7 @@ def test_the_command_line_and_python_have_the_same_defaults():
     from jaxglide.flights.flights import fly_flights
     from jaxglide.search.objectives import landing_distance
     from jaxglide.search.problem import Problem
-    from jaxglide.tunnel import trim, windtunnel
+    from jaxglide.tunnel.fall import PUBLISHED_LAUNCH
 
     def defaults(function):
         given = inspect.signature(function).parameters.values()
@@ -316,14 +316,14 @@ def test_the_command_line_and_python_have_the_same_defaults():
     assert defaults(simulate)["max_time"] == defaults(Study)["max_time"]
     assert defaults(simulate)["max_steps"] == defaults(Study)["max_steps"]
     for name in ("interval", "max_time"):
-        assert defaults(windtunnel.fall)[name] == held[name] == TUNNEL[name].default
+        assert defaults(fall)[name] == held[name] == TUNNEL[name].default
         assert defaults(survey.survey)[name] == held[name]
-    reading = (windtunnel.loads, windtunnel.loads_at_end, survey.survey, trim.derivatives)
+    reading = (loads, loads_at_end, survey.survey, derivatives)
     for function in reading:
         assert defaults(function)["phases"] == held["phases"]
-    assert defaults(windtunnel.fall)["rtol"] == defaults(windtunnel.fall)["atol"]
-    assert defaults(windtunnel.fall)["rtol"] == HELD_TOLERANCE
-    assert (jg.Launch().height, HELD_SPEED) == windtunnel.PUBLISHED_LAUNCH
+    assert defaults(fall)["rtol"] == defaults(fall)["atol"]
+    assert defaults(fall)["rtol"] == HELD_TOLERANCE
+    assert (jg.Launch().height, HELD_SPEED) == PUBLISHED_LAUNCH
     setups = [parsed(word) for word in ("glide", "windtunnel", "trim", "sweep", "view")]
     study = Study({"svl": [0.7]})
     assert {(s["polar"], s["node_set"]) for s in setups} == {("published", "published")}

@@ -1,5 +1,7 @@
 """Surveys in the wind tunnel: labels, agreement with single calls, published findings."""
 
+import sys
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -129,7 +131,7 @@ def test_a_held_glide_in_float32_is_told_of(monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxglide.tunnel.windtunnel._dropped", interrupted)
+    monkeypatch.setattr(sys.modules[fall.__module__], "_dropped", interrupted)
     with jax.enable_x64(False):
         glider = build({}, check_setup({"nodes": 8}))[0]
         for compute in (fall, trim):

@@ -73,6 +73,15 @@ def wing_area(body: AbstractBody) -> Scalar:
     return jnp.sum(body.sections().area)
 
 
+def surface_nodes(sections: Sections) -> np.ndarray:
+    """Indices of the nodes that have area, front to rear: what is drawn of a body.
+
+    A point mass has none, nor has a node beyond the end.
+    """
+    order = np.argsort(np.asarray(sections.fraction), kind="stable")
+    return order[np.asarray(sections.area)[order] > 0]
+
+
 def check_nodes(nodes, node_set) -> None:
     """Raise unless a number of nodes and the name of a set are allowed."""
     check_integer("nodes", nodes, *NODES_RANGE)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,10 +13,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from .._lib.checks import check_choice, check_range
-from ..body.sections import discretise
+from ..body.sections import AbstractBody, discretise, surface_nodes
 from ..body.snake import Snake
-from ..shape.gait import Gait, waves
+from ..shape.gait import Gait
 from ..shape.kinematics import backbone
+from ..shape.motion import AbstractMotion, at_rest
 from ._labels import degrees
 from ._style import HEAD, INK, new_axes, new_figure, style, zero_line
 from .waves import bending_waves
@@ -42,18 +42,20 @@ _VIEWS = {
 }
 
 
-@jax.jit
-def _placed(gait: Gait, snake: Snake, phase):
-    sections = discretise(snake)
-    body = backbone(
-        sections, waves(gait, sections.neck_fraction, sections.fraction, phase, 0.0)
-    )
-    half = 0.5 * sections.chord * body.chord
-    return body.position, half, body.normal
+@eqx.filter_jit
+def _placed(gait: AbstractMotion, body: AbstractBody, phase):
+    sections = discretise(body)
+    along = sections.fraction, sections.neck_fraction
+    now, own = jnp.zeros_like(phase), gait.start(phase)
+    wave, _ = gait.bending(*along, now, phase, own, at_rest())
+    bent = backbone(sections, wave)
+    return sections, bent.position, 0.5 * sections.chord * bent.chord, bent.normal
 
 
-def ribbon(gait: Gait, snake: Snake, phase: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The flattened body at a phase of its waves, in body axes.
+def ribbon(
+    gait: AbstractMotion, snake: AbstractBody, phase: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The flattened body at a launch phase of its motion, in body axes.
 
     Args:
         gait, snake: the body.
@@ -63,14 +65,16 @@ def ribbon(gait: Gait, snake: Snake, phase: float) -> tuple[np.ndarray, np.ndarr
         Nodes of the backbone and half the chord there [cm], and the unit normal out of
         the back, each (3, n).
     """
-    position, half, normal = (np.asarray(v) for v in _placed(gait, snake, jnp.asarray(phase)))
+    sections, *placed = _placed(gait, snake, jnp.asarray(phase, float))
+    nodes = surface_nodes(sections)
+    position, half, normal = (np.asarray(v)[:, nodes] for v in placed)
     return 100.0 * position, 100.0 * half, normal
 
 
 @style()
 def body_view(
-    gait: Gait,
-    snake: Snake | None = None,
+    gait: AbstractMotion,
+    snake: AbstractBody | None = None,
     ax: Axes | None = None,
     *,
     view: str = "top",
@@ -79,8 +83,8 @@ def body_view(
     """The body from above, from the right or from behind, flattened as it flies.
 
     Args:
-        gait: its shape.
-        snake: its size; by default a snout-vent length of 70 cm.
+        gait: its shape; of a motion that changes, as it starts.
+        snake: its size; by default a snake with a snout-vent length of 70 cm.
         ax: axes to draw on; by default new ones, alone in a figure (`ax.figure`).
         view: "top", "side" or "rear".
         phase: of the horizontal wave [rad].
@@ -129,7 +133,9 @@ def _keys() -> list:
 
 
 @style()
-def body_shape(gait: Gait, snake: Snake | None = None, *, phase: float = 0.0) -> Figure:
+def body_shape(
+    gait: AbstractMotion, snake: AbstractBody | None = None, *, phase: float = 0.0
+) -> Figure:
     """A gait at one phase: its waves of bending, and the body from above and the side (2 a, b).
 
     Args:
@@ -165,8 +171,8 @@ def _one_scale(axes: Sequence[Axes]) -> None:
 
 @style()
 def bent_bodies(
-    gait: Gait,
-    snake: Snake | None = None,
+    gait: AbstractMotion,
+    snake: AbstractBody | None = None,
     *,
     bends: Sequence[float] = (-20.0, -10.0, 0.0, 10.0, 20.0),
     phase: float = 0.0,
@@ -182,8 +188,10 @@ def bent_bodies(
         side (left) and from the rear (right), all at one scale.
 
     Raises:
-        ValueError: no bend, or one that is not allowed.
+        ValueError: no bend, one that is not allowed, or a motion that is no `Gait`.
     """
+    if not isinstance(gait, Gait):
+        raise ValueError(f"{type(gait).__name__} has no bend d_psi to draw: a Gait has one")
     if not len(bends):
         raise ValueError("there is nothing to draw: give a bend")
     check_range("bends", bends, "deg", -180, 180)

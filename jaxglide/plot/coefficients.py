@@ -11,21 +11,19 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from .._lib.checks import check_range
-from ..body.sections import discretise
-from ..body.snake import Snake
-from ..loads.polar import ALPHA, REYNOLDS, Polar, extended_tables
+from ..body.sections import AbstractBody, discretise, surface_nodes
+from ..loads.polar import ALPHA, REYNOLDS, AbstractPolar, Polar, extended_tables
 from ..tunnel.fall import Fall
 from ..tunnel.glide_polar import BodyPolar, Equilibrium
 from ._labels import plain
 from ._style import FAINT, INK, PAGE_WIDTH, PITCH, YAW, new_figure, style, zero_line
 
-_MEASURED = -10.0, 60.0  # angles of attack of the measurements [deg]
 _EQUAL = {"color": INK, "lw": 0.6, "ls": (0, (4, 2))}
 
 
 @style()
 def force_coefficients(
-    polars: Mapping[str, Polar] | None = None,
+    polars: Mapping[str, AbstractPolar] | None = None,
     reynolds: Sequence[float] = (3000.0, 7000.0, 11000.0, 15000.0),
 ) -> Figure:
     """Lift, drag and their ratio of a body section against its angle of attack (S7).
@@ -36,13 +34,16 @@ def force_coefficients(
 
     Returns:
         A figure of one column's width (90 mm) for two polars: C_L, C_D and their ratio
-        against angle of attack [deg]. Dots are the measurements; where nothing was
+        against angle of attack [deg]. Dots are the snake's measurements; where nothing was
         measured the ground is grey.
 
     Raises:
         ValueError: no polar, or a Reynolds number that is not finite and above 0.
     """
-    chosen = {"published": Polar.published(), "smooth": Polar.smooth()}
+    chosen: dict[str, AbstractPolar] = {
+        "published": Polar.published(),
+        "smooth": Polar.smooth(),
+    }
     polars = chosen if polars is None else polars
     numbers = np.atleast_1d(np.asarray(reynolds, float))
     if not polars or not numbers.size:
@@ -60,7 +61,7 @@ def force_coefficients(
             for row, values in enumerate((lift, drag, lift / drag)):
                 ax = axes[row, column]
                 ax.plot(alpha, values, color=shade, lw=0.9, label=f"{number:g}")
-        _measurements(axes[:, column], numbers, shades)
+        _measurements(axes[:, column], polar, numbers, shades)
         axes[0, column].set_title(f"{plain(name)} polar")
         axes[2, column].set_xlabel("angle of attack (°)")
     for row, label in enumerate(("lift, $C_L$", "drag, $C_D$", "lift to drag, $C_L/C_D$")):
@@ -76,58 +77,64 @@ def force_coefficients(
     return figure
 
 
-def _measurements(axes: np.ndarray, numbers: np.ndarray, shades: np.ndarray) -> None:
-    """Dots on C_L, C_D and C_L/C_D at the measured points, and grey where there are none."""
-    low, high = _MEASURED
+def _measurements(
+    axes: np.ndarray, polar: AbstractPolar, numbers: np.ndarray, shades: np.ndarray
+) -> None:
+    """Dots on C_L, C_D and C_L/C_D at the points measured of the snake, and grey where a
+    polar is not known."""
+    low, high = np.clip(polar.measured_angles, -90.0, 90.0)
+    numbers = numbers if isinstance(polar, Polar) else np.zeros(0)
     lift, drag = (table[high >= ALPHA] for table in extended_tables())
     for ax, table in zip(axes, (lift, drag, lift / drag), strict=True):
         zero_line(ax)
         for span in ((-90.0, low), (high, 90.0)):
             ax.axvspan(*span, color="0.94", lw=0, zorder=-1, label="not measured")
-        for number, shade in zip(numbers, shades, strict=True):
+        for number, shade in zip(numbers, shades, strict=False):
             for index in np.flatnonzero(number == REYNOLDS):
                 dot = {"ls": "", "marker": "o", "ms": 1.8, "mew": 0.0, "color": shade}
                 ax.plot(ALPHA[high >= ALPHA], table[:, index], label="measured", **dot)
 
 
 @style()
-def morphology(snake: Snake) -> Figure:
+def morphology(body: AbstractBody) -> Figure:
     """Chord and linear mass density along the body (S8).
 
     Args:
-        snake: the snake; dots are its nodes.
+        body: a snake or another body; dots are its nodes.
 
     Returns:
         A figure of one column's width (90 mm) with two axes over arc length (fraction of
         SVL): chord [mm] and linear mass density [g/cm]; dashed, the middle of the wing area
-        and of the mass of the straight body.
+        and of the mass of the straight body, its point masses included.
     """
-    sections = discretise(snake)
-    x, chord, area, mass = (
-        np.asarray(v) for v in (sections.fraction, sections.chord, sections.area, sections.mass)
-    )
+    sections = discretise(body)
+    names = ("fraction", "chord", "area", "mass")
+    everything = {name: np.asarray(getattr(sections, name)) for name in names}
+    nodes = surface_nodes(sections)
+    x, chord, area, mass = (everything[name][nodes] for name in names)
     figure = new_figure(height=82.0)
     figure.set_layout_engine("constrained")
     axes = figure.subplots(2, 1, sharex=True)
     dots = {"marker": "o", "ms": 1.8, "mew": 0.0, "lw": 0.7, "color": YAW}
     density = 10.0 * mass * chord / area  # kg/m to g/cm
     names = ("chord, $c$ (mm)", "mass per length (g/cm)")
-    middles = ((area, "middle of the area"), (mass, "middle of the mass"))
-    for ax, values, name, (weight, what) in zip(
+    middles = (("area", "middle of the area"), ("mass", "middle of the mass"))
+    for ax, values, name, (what, said) in zip(
         axes, (1e3 * chord, density), names, middles, strict=True
     ):
         ax.plot(x, values, label="nodes", **dots)
         ax.fill_between(x, values, color=YAW, alpha=0.12, lw=0)
-        middle = float(np.sum(weight * x) / np.sum(weight))
-        ax.axvline(middle, color=INK, lw=0.7, ls=(0, (4, 2)), zorder=1, label=what)
+        weight = everything[what]
+        middle = float(np.sum(weight * everything["fraction"]) / np.sum(weight))
+        ax.axvline(middle, color=INK, lw=0.7, ls=(0, (4, 2)), zorder=1, label=said)
         place = {"xytext": (3, 3), "textcoords": "offset points", "fontsize": 6.5}
-        ax.annotate(f"{what}, {middle:.3f}", (middle, 0.0), **place)
+        ax.annotate(f"{said}, {middle:.3f}", (middle, 0.0), **place)
         ax.set_ylim(0.0, 1.12 * values.max())
         ax.set_ylabel(name)
     axes[1].set_xlim(0, 1)
     axes[1].set_xlabel("arc length, $s$ (fraction of SVL)")
     figure.align_ylabels(axes)
-    total = f"SVL {100 * float(snake.length):.3g} cm, {1e3 * mass.sum():.3g} g, "
+    total = f"length {100 * float(sections.length):.3g} cm, {1e3 * everything['mass'].sum():.3g} g, "
     figure.suptitle(total + f"wing area {1e4 * area.sum():.3g} cm²", fontsize=7.5)
     return figure
 

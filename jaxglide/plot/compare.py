@@ -7,13 +7,25 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from ..body.sections import discretise
 from ..flight.dynamics import ANGLES, POSITION
-from ..flight.ends import ANGLE_LIMIT, Outcome
+from ..flight.ends import Outcome
 from ..flight.glide import Glide
-from ..flight.trajectory import reconstruct
+from ..shape.gait import Gait
+from ..shape.motion import AbstractMotion
 from ._labels import axis_label, plain
 from ._style import FAINT, INK, PITCH, new_figure, style
-from .glide import _LANDED, _LAUNCH, _STOPPED, _check_drawable, _end_mark, _path
+from .glide import (
+    _LANDED,
+    _LAUNCH,
+    _STOPPED,
+    _check_drawable,
+    _end_mark,
+    _path,
+    angle_limit,
+    bodies_at,
+    ground_of,
+)
 
 _PAGE = 180.0  # width of two columns [mm]
 _PAIR = (FAINT, PITCH)  # of the first and the second glide
@@ -50,19 +62,17 @@ def before_and_after(
     bodies = list(right.subplots(2, 1, sharex=True, sharey=True))
     for glide, ax, colour, name in zip(glides, bodies, _PAIR, names, strict=True):
         flying, cycle = _when(glide)
-        now = reconstruct(glide, np.concatenate([flying, cycle]))  # one compilation
-        own = np.asarray(now.body.position)
-        there = np.einsum("fji,fjn->fin", np.asarray(now.R_BI), own)[:_FRAMES]
-        there += np.asarray(glide.at(flying))[:, POSITION, None]
-        _draw_side(side, glide, there, colour, name)
+        own, there = bodies_at(glide, np.concatenate([flying, cycle]))  # one compilation
+        _draw_side(side, glide, there[:_FRAMES], colour, name)
         _draw_turns(turns, glide, colour, name)
         _draw_body(ax, glide, own[_FRAMES:], colour, name)
-    side.axhline(0.0, color=FAINT, lw=0.6, zorder=1)
+    for ground in {ground_of(glide) for glide in glides} - {None}:
+        side.axhline(ground, color=FAINT, lw=0.6, zorder=1)
     side.set_aspect("equal")
     side.set_xlabel(axis_label("y"))
     side.set_ylabel(axis_label("z"))
     for ax, name in zip(turns, ("yaw", "pitch", "roll"), strict=True):
-        _bound(ax)
+        _bound(ax, min(map(angle_limit, glides)))
         ax.set_ylabel(f"{name} (°)")
     turns[0].set_xlim(0.0, 1.02 * max(float(glide.time) for glide in glides))
     turns[-1].set_xlabel("time, t (s)")
@@ -87,9 +97,10 @@ def _keys(glides, names) -> list[Line2D]:
 
 
 def _when(glide: Glide) -> tuple[np.ndarray, np.ndarray]:
-    """Times of the snapshots [s]: over the glide, and over a cycle from launch."""
+    """Times of the snapshots [s]: over the glide, and over a cycle from launch, or the first second."""
     end = float(glide.time)
-    cycle = min(1.0 / max(float(glide.glider.gait.f_theta), 1e-6), end)
+    gait = glide.glider.gait
+    cycle = min(1.0 / max(float(gait.f_theta), 1e-6) if isinstance(gait, Gait) else 1.0, end)
     return np.linspace(0.0, end, _FRAMES), np.linspace(0.0, cycle, _PHASES, endpoint=False)
 
 
@@ -114,10 +125,10 @@ def _draw_turns(axes: list[Axes], glide: Glide, colour, name: str) -> None:
         ax.plot(times[-1], curve[-1], color=colour, clip_on=False, **_end_mark(glide))
 
 
-def _bound(ax: Axes) -> None:
-    """Zero, and the limit of the angles where a curve comes near it."""
+def _bound(ax: Axes, limit: float) -> None:
+    """Zero, and the limit of the angles [deg] where a curve comes near it."""
     ax.axhline(0.0, color="0.85", lw=0.6, zorder=0)
-    limit, (low, high) = float(np.rad2deg(ANGLE_LIMIT)), ax.get_ylim()
+    low, high = ax.get_ylim()
     for sign, most in ((1, high), (-1, -low)):
         if most > 0.8 * limit:
             ax.axhline(sign * limit, color=INK, lw=0.7, ls=(0, (4, 2)), label="limit")
@@ -127,7 +138,7 @@ def _bound(ax: Axes) -> None:
 def _draw_body(ax: Axes, glide: Glide, body: np.ndarray, colour, name: str) -> None:
     """The body (frames, 3, n) in its own axes [cm]: from above, and below it from the right."""
     x, y, z = 100.0 * body.transpose(1, 0, 2)
-    drop = 100.0 * 0.32 * float(glide.glider.body.length)
+    drop = 100.0 * 0.32 * float(discretise(glide.glider.body).length)
     for sideways, label, shift in ((-x, "above", 0.0), (z, "right", -drop)):
         lines = [np.column_stack([a, b + shift]) for a, b in zip(y, sideways, strict=True)]
         thin = {"colors": colour, "linewidths": 0.5, "alpha": 0.45}
@@ -147,7 +158,14 @@ def _draw_body(ax: Axes, glide: Glide, body: np.ndarray, colour, name: str) -> N
     ax.set_aspect("equal")
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)
-    gait = glide.glider.gait
+    said = _gait_in_words(glide.glider.gait).replace("-", "\N{MINUS SIGN}")
+    ax.set_title(f"{name}\n{said}", fontsize=6.5, color=INK)
+
+
+def _gait_in_words(gait: AbstractMotion) -> str:
+    """The numbers of a gait in two lines; of another motion the name of its class."""
+    if not isinstance(gait, Gait):
+        return plain(type(gait).__name__)
     said = {
         r"\theta_m": f"{np.rad2deg(float(gait.theta_m)):.1f}°",
         r"\nu_\theta": f"{float(gait.nu_theta):.2f}",
@@ -156,6 +174,4 @@ def _draw_body(ax: Axes, glide: Glide, body: np.ndarray, colour, name: str) -> N
         r"f": f"{float(gait.f_theta):.2f} Hz",
     }
     parts = [f"${symbol}$ {value}" for symbol, value in said.items()]
-    text = "  ".join(parts[:3]) + "\n" + "  ".join(parts[3:])
-    said = text.replace("-", "\N{MINUS SIGN}")
-    ax.set_title(f"{name}\n{said}", fontsize=6.5, color=INK)
+    return "  ".join(parts[:3]) + "\n" + "  ".join(parts[3:])

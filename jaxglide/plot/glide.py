@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -11,8 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from .._lib.checks import check_integer, check_range
+from ..body.sections import discretise, surface_nodes
 from ..flight.dynamics import ANGLES, POSITION
-from ..flight.ends import ANGLE_LIMIT, Outcome
+from ..flight.ends import AngleLimit, Ground, Outcome
 from ..flight.glide import Glide
 from ..flight.trajectory import reconstruct
 from ._labels import axis_label
@@ -71,10 +71,18 @@ def _bodies(glide: Glide, frames: Frames) -> np.ndarray:
         if times.ndim != 1:
             raise ValueError(f"frames has shape {times.shape}: it must be a number or (F,)")
     if times.size == 0:
-        return np.zeros((0, 3, glide.glider.body.nodes))
+        return np.zeros((0, 3, 1))
+    return bodies_at(glide, times)[1]
+
+
+def bodies_at(glide: Glide, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the nodes with area, front to rear, in body and inertial axes [m],
+    (F, 3, n)."""
     now = reconstruct(glide, times)
-    centre = glide.at(times)[:, POSITION, None]
-    return np.asarray(jnp.einsum("fji,fjn->fin", now.R_BI, now.body.position) + centre)
+    nodes = surface_nodes(discretise(glide.glider.body))
+    own = np.asarray(now.body.position)[:, :, nodes]
+    centre = np.asarray(glide.at(times))[:, POSITION, None]
+    return own, np.einsum("fji,fjn->fin", np.asarray(now.R_BI), own) + centre
 
 
 def _widened(limits: tuple[float, float], least: float) -> tuple[float, float]:
@@ -96,7 +104,9 @@ def _end_word(glide: Glide) -> str:
     return "landing" if glide.outcome == Outcome.LANDED else "end of the glide"
 
 
-def _view(glide: Glide, ax: Axes, frames: Frames, across: int, up: int, ground: bool) -> Axes:
+def _view(
+    glide: Glide, ax: Axes, frames: Frames, across: int, up: int, ground: float | None
+) -> Axes:
     """Draw the path and the body on two of the axes x (0), y (1), z (2), to scale."""
     path, bodies = _path(glide)[1][:, POSITION], _bodies(glide, frames)
     ax.plot(path[:, across], path[:, up], color=FAINT, lw=0.7, zorder=2, label="path")
@@ -110,10 +120,10 @@ def _view(glide: Glide, ax: Axes, frames: Frames, across: int, up: int, ground: 
     for row, mark, label in ((0, _LAUNCH, "launch"), (-1, _end_mark(glide), _end_word(glide))):
         ax.plot(path[row, across], path[row, up], color=INK, zorder=5, label=label, **mark)
     drawn = np.concatenate([path, *bodies.transpose(0, 2, 1)])
-    length = float(glide.glider.body.length)
+    length = float(discretise(glide.glider.body).length)
     pad = max(0.2 * length, 0.02 * float(np.ptp(drawn, axis=0).max()))
-    if ground:
-        drawn = np.append(drawn, [[*path[-1, :2], 0.0]], axis=0)
+    if ground is not None:
+        drawn = np.append(drawn, [[*path[-1, :2], ground]], axis=0)
     ax.set_xlim(_limits(drawn[:, across], pad, 1.6 * length))
     ax.set_ylim(_limits(drawn[:, up], pad, 1.6 * length))
     ax.set_aspect("equal")
@@ -131,7 +141,7 @@ def side_view(glide: Glide, ax: Axes | None = None, *, frames: Frames = 9) -> Ax
             end, 0 to 1000; or their times [s], (F,), within the glide.
 
     Returns:
-        The axes: y [m] across, z [m] up, the ground at z = 0.
+        The axes: y [m] across, z [m] up, and the ground.
 
     Raises:
         ValueError: the glide kept no trajectory, is a batch or is not finite, or a frame
@@ -139,9 +149,11 @@ def side_view(glide: Glide, ax: Axes | None = None, *, frames: Frames = 9) -> Ax
     """
     _check_drawable(glide)
     ax = new_axes(height=130.0) if ax is None else ax
-    _view(glide, ax, frames, across=1, up=2, ground=True)
-    ax.axhspan(ax.get_ylim()[0], 0.0, color="0.9", lw=0, zorder=0, label="ground")
-    ax.axhline(0.0, color=FAINT, lw=0.6, zorder=1)
+    ground = ground_of(glide)
+    _view(glide, ax, frames, across=1, up=2, ground=ground)
+    if ground is not None:
+        ax.axhspan(ax.get_ylim()[0], ground, color="0.9", lw=0, zorder=0, label="ground")
+        ax.axhline(ground, color=FAINT, lw=0.6, zorder=1)
     ax.set_xlabel(axis_label("y"))
     ax.set_ylabel(axis_label("z"))
     return ax
@@ -164,7 +176,7 @@ def top_view(glide: Glide, ax: Axes | None = None, *, frames: Frames = 9) -> Axe
     """
     _check_drawable(glide)
     ax = new_axes(height=130.0) if ax is None else ax
-    _view(glide, ax, frames, across=0, up=1, ground=False)
+    _view(glide, ax, frames, across=0, up=1, ground=None)
     ax.set_xlabel(axis_label("x"))
     ax.set_ylabel(axis_label("y"))
     return ax
@@ -181,10 +193,23 @@ def _spread(values: Sequence[float], gap: float) -> np.ndarray:
     return placed[np.argsort(order)]
 
 
-def _draw_limits(ax: Axes, degrees: np.ndarray) -> list[float]:
+def angle_limit(glide: Glide) -> float:
+    """The least limit of the angles that would have ended a glide [deg], or infinity."""
+    limits = [float(e.limit) for e in glide.settings.ends if isinstance(e, AngleLimit)]
+    return float(np.rad2deg(min(limits, default=np.inf)))
+
+
+def ground_of(glide: Glide) -> float | None:
+    """Height of the ground that a glide would have ended on [m]; None if there was none."""
+    grounds = [float(e.height) for e in glide.settings.ends if isinstance(e, Ground)]
+    return max(grounds, default=None)
+
+
+def _draw_limits(ax: Axes, degrees: np.ndarray, limit: float) -> list[float]:
     """Draw the limit of the angles on each side that a curve comes near; those drawn [deg]."""
-    limit = float(np.rad2deg(ANGLE_LIMIT))
     drawn = []
+    if not np.isfinite(limit):
+        return drawn
     for sign, most in ((1, degrees.max()), (-1, -degrees.min())):
         if most > _NEAR_LIMIT:
             drawn.append(sign * limit)
@@ -202,7 +227,7 @@ def _draw_limits(ax: Axes, degrees: np.ndarray) -> list[float]:
 
 @style()
 def angles(glide: Glide, ax: Axes | None = None) -> Axes:
-    """Yaw, pitch and roll [deg] against time, with the 85 degree limit if one comes near it.
+    """Yaw, pitch and roll [deg] against time, with their limit if one comes near it.
 
     Args:
         glide: one glide, simulated with `dense=True`.
@@ -219,7 +244,7 @@ def angles(glide: Glide, ax: Axes | None = None) -> Axes:
     times, states = _path(glide)
     degrees = np.rad2deg(states[:, ANGLES])
     ax.axhline(0.0, color="0.85", lw=0.6, zorder=0)
-    shown = np.append(degrees.ravel(), [0.0, *_draw_limits(ax, degrees)])
+    shown = np.append(degrees.ravel(), [0.0, *_draw_limits(ax, degrees, angle_limit(glide))])
     low, high = _limits(shown, 0.06 * float(np.ptp(shown)), 20.0)
     heights = _spread(list(degrees[-1]), 0.11 * (high - low))
     colours = {"yaw": YAW, "pitch": PITCH, "roll": ROLL}
@@ -322,7 +347,7 @@ def glide_overview(glide: Glide, frames: Frames = 9) -> Figure:
     angles(glide, lower)
     _lay_out(figure, glide, side, top, lower)
     figure.suptitle(
-        f"{str(Outcome(int(glide.outcome))).capitalize()} after {float(glide.time):.2f} s, "
+        f"{glide.ending.capitalize()} after {float(glide.time):.2f} s, "
         f"path length {float(glide.path_length):.2f} m",
         y=1 - 2.0 / (25.4 * figure.get_size_inches()[1]),
         va="top",

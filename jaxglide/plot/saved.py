@@ -134,17 +134,14 @@ _SHAPES = ("theta", "psi", "waves", "body", "bends")
 
 def _shape(glide: Glide, name: str) -> Drawing:
     """The waves of a glide, and the shapes of the body that they make."""
-    gait, snake, phase = glide.glider.gait, glide.glider.body, float(glide.take_off.phi_theta)
+    gait, body, phase = glide.glider.gait, glide.glider.body, float(glide.phase)
     if name == "body":
-        return Drawing(body_shape(gait, snake, phase=phase), "the body at launch")
+        return Drawing(body_shape(gait, body, phase=phase), "the body at launch")
     if name == "bends":
-        return Drawing(bent_bodies(gait, snake, phase=phase), "the body at five bends")
-    time = float(glide.time)
+        return Drawing(bent_bodies(gait, body, phase=phase), "the body at five bends")
     if name == "waves":
-        figure = wave_maps(gait, snake, duration=time, phi_theta=phase)
-        return Drawing(figure, "the waves over time and body")
-    ax = wave_map(gait, snake, wave=name, duration=time, phi_theta=phase)
-    return _alone(ax, f"the wave {name} over time and body")
+        return Drawing(wave_maps(glide), "the waves over time and body")
+    return _alone(wave_map(glide, wave=name), f"the wave {name} over time and body")
 
 
 def _optimisation(data: xr.Dataset, wanted: Wanted) -> Drawing:

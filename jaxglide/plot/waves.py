@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,8 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from .._lib.checks import check_choice, check_range
+from ..body.sections import AbstractBody, discretise
 from ..body.snake import Snake
-from ..shape.gait import Gait, waves
+from ..flight.dynamics import RIGID, observation
+from ..flight.trajectory import AbstractTrajectory
+from ..shape.gait import Gait
+from ..shape.motion import AbstractMotion, at_rest
 from ._style import PITCH, YAW, new_axes, new_figure, style, zero_line
 
 _WAVES = {"theta": (r"horizontal, $\theta$", YAW), "psi": (r"vertical, $\psi$", PITCH)}
@@ -18,26 +24,70 @@ _POINTS, _TIMES = 201, 301  # of a line along the body, and of a map in time
 _BODY = "arc length, $s$ (fraction of SVL)"
 
 
-def angles_along(gait: Gait, snake: Snake, phases) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Bending angles of both waves along the body.
+@eqx.filter_jit
+def _bent(motion: AbstractMotion, neck_fraction, fraction, times, phases, states, seen):
+    """Angles theta and psi [rad], (2, T, S), at times and phases, (T,), in a flight."""
+
+    def at(time, phase, own, observed):
+        wave, _ = motion.bending(fraction, neck_fraction, time, phase, own, observed)
+        return jnp.stack([wave.theta, wave.psi])
+
+    return jnp.swapaxes(jax.vmap(at)(times, phases, states, seen), 0, 1)
+
+
+def _in_degrees(angles) -> dict[str, np.ndarray]:
+    return {name: np.rad2deg(a) for name, a in zip(_WAVES, np.asarray(angles), strict=True)}
+
+
+def angles_along(
+    motion: AbstractMotion, body: AbstractBody, phases, times=0.0
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Bending angles along the body, as a motion without states of its own makes them.
 
     Args:
-        gait, snake: whose waves; of the snake only the neck matters.
-        phases: of the horizontal wave [rad], (P,).
+        motion, body: whose bending; of the body only the neck matters.
+        phases: launch phases [rad], (P,).
+        times: since launch [s], (P,); by default at launch.
 
     Returns:
-        Arc length (fraction of SVL, (S,)), and "theta" and "psi" [deg], each (P, S).
+        Arc length (fraction of the length, (S,)), and "theta" and "psi" [deg], each (P, S).
     """
-    fraction = np.linspace(0.0, 1.0, _POINTS)
-    phase = jnp.asarray(phases, float)[:, None]
-    wave = waves(gait, snake.neck_fraction, jnp.asarray(fraction), phase, 0.0)
-    return fraction, {name: np.rad2deg(getattr(wave, name)) for name in _WAVES}
+    fraction = jnp.linspace(0.0, 1.0, _POINTS)
+    phases, times = jnp.broadcast_arrays(*(jnp.asarray(v, float) for v in (phases, times)))
+    own, seen = jax.vmap(lambda phase: (motion.start(phase), at_rest()))(phases)
+    neck = discretise(body).neck_fraction
+    angles = _bent(motion, neck, fraction, times, phases, own, seen)
+    return np.asarray(fraction), _in_degrees(angles)
+
+
+def angles_in_flight(
+    glide: AbstractTrajectory, times
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Bending angles along the body in a flight, whatever drives it.
+
+    Args:
+        glide: simulated with `dense=True`.
+        times: [s], (T,).
+
+    Returns:
+        As `angles_along`, each (T, S).
+    """
+    motion, states = glide.glider.gait, glide.at(times)
+    fraction = jnp.linspace(0.0, 1.0, _POINTS)
+    count = motion.start(glide.phase).shape[0]
+    own, seen = states[:, RIGID : RIGID + count], jax.vmap(observation)(states)
+    neck, phases = (
+        discretise(glide.glider.body).neck_fraction,
+        jnp.full(len(times), glide.phase),
+    )
+    angles = _bent(motion, neck, fraction, jnp.asarray(times), phases, own, seen)
+    return np.asarray(fraction), _in_degrees(angles)
 
 
 @style()
 def bending_waves(
-    gait: Gait,
-    snake: Snake | None = None,
+    gait: AbstractMotion,
+    snake: AbstractBody | None = None,
     ax: Axes | None = None,
     *,
     phases: Sequence[float] | np.ndarray = (0.0,),
@@ -45,8 +95,8 @@ def bending_waves(
     """Horizontal and vertical bending angle along the body (2a).
 
     Args:
-        gait: whose waves.
-        snake: whose body; by default one of 70 cm. Only its neck matters.
+        gait: whose waves; of a motion that changes, as it starts.
+        snake: whose body; by default a snake of 70 cm. Only its neck matters.
         ax: axes to draw on; by default new ones, alone in a figure (`ax.figure`).
         phases: of the horizontal wave [rad], (P,), one line each and wave; the first is
             drawn strongest. Snapshots of one cycle are phases falling by 2 pi.
@@ -80,8 +130,8 @@ def bending_waves(
 
 @style()
 def wave_map(
-    gait: Gait,
-    snake: Snake | None = None,
+    gait: AbstractMotion | AbstractTrajectory,
+    snake: AbstractBody | None = None,
     ax: Axes | None = None,
     *,
     wave: str = "theta",
@@ -91,9 +141,11 @@ def wave_map(
     """A wave of bending travelling down the body, over time and arc length (2 c, d).
 
     Args:
-        gait, snake, ax: as in `bending_waves`.
+        gait: whose waves; or a glide, simulated with `dense=True`, from its launch to its
+            end: then what is said of snake, duration and phase is the glide's.
+        snake, ax: as in `bending_waves`.
         wave: "theta", the horizontal wave, or "psi", the vertical one.
-        duration: time shown [s], above 0; by default two cycles, or 1 s of a frozen body.
+        duration: time shown [s], above 0; by default two cycles, or 1 s of what has none.
         phi_theta: phase of the horizontal wave at time 0 [rad].
 
     Returns:
@@ -101,17 +153,17 @@ def wave_map(
         colours, white at zero, with their bar beside it.
 
     Raises:
-        ValueError: another wave, or a duration or phase that is not allowed.
+        ValueError: another wave, a duration or phase that is not allowed, or a motion with
+            states of its own, which moves in a glide only.
     """
     check_choice("wave", wave, tuple(_WAVES))
-    f_theta = float(gait.f_theta)
-    duration = duration or (2.0 / f_theta if f_theta else 1.0)
-    check_range("duration", duration, "s", 0, 1e4, low_open=True)
-    check_range("phi_theta", phi_theta, "rad")
+    if isinstance(gait, AbstractTrajectory):
+        time = np.asarray(gait.sample_times(_TIMES))
+        fraction, waves = angles_in_flight(gait, time)
+    else:
+        body = Snake.from_svl() if snake is None else snake
+        time, fraction, waves = _cycling(gait, body, duration, phi_theta)
     ax = new_axes(height=48.0) if ax is None else ax
-    time = np.linspace(0.0, duration, _TIMES)
-    phases = phi_theta - 2 * np.pi * f_theta * time
-    fraction, waves = angles_along(gait, Snake.from_svl() if snake is None else snake, phases)
     most = max(float(np.abs(waves[wave]).max()), 1e-6)
     colours = {"cmap": "RdBu_r", "vmin": -most, "vmax": most, "shading": "gouraud"}
     mesh = ax.pcolormesh(time, fraction, waves[wave].T, rasterized=True, **colours)
@@ -122,10 +174,24 @@ def wave_map(
     return ax
 
 
+def _cycling(motion: AbstractMotion, body: AbstractBody, duration, phi_theta):
+    """Times, arc length, and angles over both, of a motion that needs no flight."""
+    check_range("phi_theta", phi_theta, "rad")
+    if jax.eval_shape(motion.start, jnp.zeros(())).shape[0]:
+        raise ValueError(
+            f"{type(motion).__name__} has states of its own: draw its waves from a glide"
+        )
+    rate = float(motion.f_theta) if isinstance(motion, Gait) else 0.0
+    duration = duration or (2.0 / rate if rate else 1.0)
+    check_range("duration", duration, "s", 0, 1e4, low_open=True)
+    time = np.linspace(0.0, duration, _TIMES)
+    return time, *angles_along(motion, body, phi_theta, time)
+
+
 @style()
 def wave_maps(
-    gait: Gait,
-    snake: Snake | None = None,
+    gait: AbstractMotion | AbstractTrajectory,
+    snake: AbstractBody | None = None,
     *,
     duration: float | None = None,
     phi_theta: float = 0.0,

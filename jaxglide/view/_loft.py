@@ -103,7 +103,13 @@ def body_stations(fraction, chord, svl: float, between: int = 4) -> Stations:
 
 
 def head_stations(fraction, chord, svl: float, head_fraction: float) -> Stations:
-    """The head's, over the body's first part: a snake's, wider than the neck."""
+    """The head's, over the body's first part: a snake's, wider than the neck.
+
+    None where the head has no length.
+    """
+    if not head_fraction > 0:
+        none = np.zeros(0)
+        return Stations(none.astype(int), none, none, none, none)
     fraction = np.asarray(fraction, float)
     at = _HEAD[:, 0] * _HEAD_LENGTH * head_fraction
     size = np.interp(at[7], fraction, chord)

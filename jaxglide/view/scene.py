@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import check_range
-from ..body.sections import discretise
+from ..body.sections import discretise, surface_nodes
+from ..body.snake import Snake
 from ..flight.dynamics import ANGLES, POSITION, VELOCITY, Flight, elements
-from ..flight.ends import Outcome
 from ..flight.glide import Glide
 from . import _loft
 from ._loft import Stations
@@ -31,13 +31,14 @@ class Scene:
     Attributes:
         label: what it is called.
         ended: how it ended, in words.
-        svl: snout-vent length [m].
-        head_fraction: end of the head, over SVL.
+        svl: length of the body, a snake's from snout to vent [m].
+        head_fraction: end of the head, over that length; 0 for a body without one.
         times: [s], (T,), from 0 to the end of the glide.
         centre, velocity: of the centre of mass [m, m/s], (T, 3).
         axes: co-moving axes, unit vectors to the right flank, forward and dorsal, (T, 3, 3).
         angles: yaw, pitch, roll [deg], (T, 3).
-        fraction, chord: of the n nodes: place over SVL, and chord [m], (n,).
+        fraction, chord: of the n nodes that have area: place over the length, and chord
+            [m], (n,).
         nodes: positions of the nodes [m], (T, n, 3), snout first.
         chordwise, dorsal: unit vectors along the chord and out of the back, (T, n, 3).
         lift, drag: forces per length of body [N/m], (T, n, 3).
@@ -74,15 +75,16 @@ class Scene:
                 time; or the rate is out of range or makes more than 20 000 frames.
         """
         check_viewable(glide)
-        snake = glide.glider.body
+        body = glide.glider.body
         sections, moving = _moving(glide, _times(float(glide.time), rate))
+        nodes = surface_nodes(sections)
         return cls(
             label=as_text(label),
-            ended=str(Outcome(int(glide.outcome))),
-            svl=float(snake.length),
-            head_fraction=float(snake.head_fraction),
-            fraction=np.asarray(sections.fraction),
-            chord=np.asarray(sections.chord),
+            ended=as_text(glide.ending),
+            svl=float(sections.length),
+            head_fraction=float(body.head_fraction) if isinstance(body, Snake) else 0.0,
+            fraction=np.asarray(sections.fraction)[nodes],
+            chord=np.asarray(sections.chord)[nodes],
             **moving,
         )
 
@@ -96,7 +98,7 @@ class Scene:
         return _loft.body_stations(self.fraction, self.chord, self.svl, between)
 
     def head(self) -> Stations:
-        """Cross-sections of the head."""
+        """Cross-sections of the head; none of a body without one."""
         return _loft.head_stations(self.fraction, self.chord, self.svl, self.head_fraction)
 
     @property
@@ -167,7 +169,7 @@ def _moving(glide: Glide, times: np.ndarray):
 def _computed(glide: Glide, times):
     """Sections, states and elements in one compilation, which the first view waits for."""
     sections = discretise(glide.glider.body)
-    flight = Flight(glide.glider, sections, glide.take_off.phi_theta)
+    flight = Flight(glide.glider, sections, glide.phase)
     states = glide.at(times)
     now = jax.vmap(lambda time, state: elements(time, state, flight))(times, states)
     air = now.aerodynamics
@@ -175,24 +177,28 @@ def _computed(glide: Glide, times):
 
 
 def _fields(sections, states, R_BI, body, air_velocity, force, drag) -> dict[str, np.ndarray]:
-    states, to_inertial, force = map(np.asarray, (states, R_BI, force))
-    length = np.asarray(sections.area) / np.asarray(sections.chord)  # of an element's body [m]
+    states, to_inertial = map(np.asarray, (states, R_BI))
+    nodes = surface_nodes(sections)
+    length = (np.asarray(sections.area) / np.asarray(sections.chord))[nodes]  # of elements [m]
 
     def inertial(vectors):
-        return np.einsum("tji,tjn->tni", to_inertial, np.asarray(vectors))
+        return np.einsum("tji,tjn->tni", to_inertial, vectors)
 
-    velocity, chordwise, dorsal = map(np.asarray, (air_velocity, body.chord, body.normal))
+    position, velocity, chordwise, dorsal, force = (
+        np.asarray(v)[:, :, nodes]
+        for v in (body.position, air_velocity, body.chord, body.normal, force)
+    )
     along_c = np.sum(velocity * chordwise, axis=1, keepdims=True)
     along_b = np.sum(velocity * dorsal, axis=1, keepdims=True)
     normal = along_c * chordwise + along_b * dorsal  # the velocity that makes force
     speed = np.maximum(np.hypot(along_c, along_b), 1e-12)
-    drag = -np.asarray(drag)[:, None] * normal / speed
+    drag = -np.asarray(drag)[:, None, nodes] * normal / speed
     return {
         "centre": states[:, POSITION],
         "velocity": states[:, VELOCITY],
         "axes": to_inertial,
         "angles": np.rad2deg(states[:, ANGLES]),
-        "nodes": inertial(body.position) + states[:, None, POSITION],
+        "nodes": inertial(position) + states[:, None, POSITION],
         "chordwise": inertial(chordwise),
         "dorsal": inertial(dorsal),
         "lift": inertial((force - drag) / length),

@@ -421,7 +421,7 @@ def test_morphology_is_the_snakes(node_set):
     assert all(ax.get_ylim()[0] == 0 for ax in figure.axes)
     assert figure.axes[0].get_xlim() == (0.0, 1.0)
     area = 1e4 * float(np.sum(sections.area))
-    assert figure.get_suptitle() == f"SVL 80 cm, 50 g, wing area {area:.3g} cm²"
+    assert figure.get_suptitle() == f"length 80 cm, 50 g, wing area {area:.3g} cm²"
 
 
 # Glide polar

@@ -223,7 +223,7 @@ export function snake(glide, outlines, scale, index, named) {
   const group = new THREE.Group();
   const body = surface(glide, glide.body, outlines.body, false);
   const head = surface(glide, glide.head, outlines.head, true);
-  const pair = eyes();
+  const pair = glide.head.width.length > 0 ? eyes() : []; // a robot has no head
   const parts = {
     lift: sheet(glide, "lift", scale),
     drag: sheet(glide, "drag", scale),
@@ -239,7 +239,7 @@ export function snake(glide, outlines, scale, index, named) {
   const update = () => {
     body.userData.update();
     head.userData.update();
-    placeEyes(pair, glide, head, outlines.head);
+    if (pair.length > 0) placeEyes(pair, glide, head, outlines.head);
     for (const part of Object.values(parts)) part.userData.update();
     const [x, y, z] = glide.now.centre;
     name.position.set(x, y, z - 0.18 * glide.svl);

@@ -169,7 +169,7 @@ class AbstractPolar(Part):
         return 0.0, np.inf
 
     @abc.abstractmethod
-    def __call__(self, beta, reynolds):
+    def __call__(self, beta, reynolds) -> tuple[Array, Array]:
         """C_L and C_D, the fold's sign included.
 
         Defined for every angle and Reynolds number, once differentiable but where the polar

@@ -40,11 +40,8 @@ def force_coefficients(
     Raises:
         ValueError: no polar, or a Reynolds number that is not finite and above 0.
     """
-    chosen: dict[str, AbstractPolar] = {
-        "published": Polar.published(),
-        "smooth": Polar.smooth(),
-    }
-    polars = chosen if polars is None else polars
+    if polars is None:
+        polars = {"published": Polar.published(), "smooth": Polar.smooth()}
     numbers = np.atleast_1d(np.asarray(reynolds, float))
     if not polars or not numbers.size:
         raise ValueError("there is nothing to draw: give a polar and a Reynolds number")
@@ -134,8 +131,11 @@ def morphology(body: AbstractBody) -> Figure:
     axes[1].set_xlim(0, 1)
     axes[1].set_xlabel("arc length, $s$ (fraction of SVL)")
     figure.align_ylabels(axes)
-    total = f"length {100 * float(sections.length):.3g} cm, {1e3 * everything['mass'].sum():.3g} g, "
-    figure.suptitle(total + f"wing area {1e4 * area.sum():.3g} cm²", fontsize=7.5)
+    length, total = 100 * float(sections.length), 1e3 * everything["mass"].sum()
+    figure.suptitle(
+        f"length {length:.3g} cm, {total:.3g} g, wing area {1e4 * area.sum():.3g} cm²",
+        fontsize=7.5,
+    )
     return figure
 
 

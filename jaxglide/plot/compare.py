@@ -97,7 +97,8 @@ def _keys(glides, names) -> list[Line2D]:
 
 
 def _when(glide: Glide) -> tuple[np.ndarray, np.ndarray]:
-    """Times of the snapshots [s]: over the glide, and over a cycle from launch, or the first second."""
+    """Times of the snapshots [s]: over the glide, and over a cycle from launch (of a motion
+    without a frequency, the first second)."""
     end = float(glide.time)
     gait = glide.glider.gait
     cycle = min(1.0 / max(float(gait.f_theta), 1e-6) if isinstance(gait, Gait) else 1.0, end)

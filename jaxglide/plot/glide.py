@@ -201,7 +201,7 @@ def angle_limit(glide: Glide) -> float:
 
 def ground_of(glide: Glide) -> float | None:
     """Height of the ground that a glide would have ended on [m]; None if there was none."""
-    grounds = [float(e.height) for e in glide.settings.ends if isinstance(e, Ground)]
+    grounds = [float(e.level) for e in glide.settings.ends if isinstance(e, Ground)]
     return max(grounds, default=None)
 
 

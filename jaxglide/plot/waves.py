@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from .._lib.checks import check_choice, check_range
+from .._lib.types import ArrayLike
 from ..body.sections import AbstractBody, discretise
 from ..body.snake import Snake
 from ..flight.dynamics import RIGID, observation
@@ -40,7 +41,7 @@ def _in_degrees(angles) -> dict[str, np.ndarray]:
 
 
 def angles_along(
-    motion: AbstractMotion, body: AbstractBody, phases, times=0.0
+    motion: AbstractMotion, body: AbstractBody, phases, times: ArrayLike = 0.0
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Bending angles along the body, as a motion without states of its own makes them.
 
@@ -76,10 +77,8 @@ def angles_in_flight(
     fraction = jnp.linspace(0.0, 1.0, _POINTS)
     count = motion.start(glide.phase).shape[0]
     own, seen = states[:, RIGID : RIGID + count], jax.vmap(observation)(states)
-    neck, phases = (
-        discretise(glide.glider.body).neck_fraction,
-        jnp.full(len(times), glide.phase),
-    )
+    neck = discretise(glide.glider.body).neck_fraction
+    phases = jnp.full(len(times), glide.phase)
     angles = _bent(motion, neck, fraction, jnp.asarray(times), phases, own, seen)
     return np.asarray(fraction), _in_degrees(angles)
 

@@ -12,6 +12,7 @@ needed in the force.
 
 import abc
 from functools import lru_cache
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -147,6 +148,27 @@ def _cells(kind: str) -> np.ndarray:
     return _cubic_cells(None if kind == "smooth" else int(kind.split()[0]))
 
 
+_NAMES = ("published", "smooth", *(f"{k} harmonics" for k in range(1, 37)))
+
+
+def _given_cells(given: Any) -> Any:
+    """Converter of a field: cells by their name, or as they are."""
+    if isinstance(given, str):
+        check_choice("cells", given, _NAMES)
+        return floats(_cells(given))
+    return floats(given)
+
+
+def name_of_cells(cells: Any) -> str | None:
+    """Name of a polar's cells, if they are known ones to the last digit."""
+    cells = np.asarray(cells)
+    for name in _NAMES[:1] if cells.shape[-1] == 2 else _NAMES[1:]:
+        known = _cells(name)
+        if known.shape == cells.shape and np.array_equal(known.astype(cells.dtype), cells):
+            return name
+    return None
+
+
 class AbstractPolar(Part):
     """Lift and drag coefficients of a body section: the seam for a table of one's own.
 
@@ -197,7 +219,8 @@ class Polar(AbstractPolar):
     Args:
         cells: polynomial coefficients, (72, 6, 2, k, k): cell of beta (5 degrees each from
             -180), cell of Re (2000 each from 3000), C_L or C_D, power of the position in
-            the beta cell (0 to 1), power of the position in the Re cell.
+            the beta cell (0 to 1), power of the position in the Re cell; or the name of
+            known ones: "published", "smooth", or "12 harmonics" (see `band_limited`).
         lift_scale, drag_scale: multipliers on C_L and C_D, 0 to 100. The published
             sensitivity case is 1.36 and 0.6.
 
@@ -207,8 +230,9 @@ class Polar(AbstractPolar):
     """
 
     cells: Float[Array, "72 6 2 k k"] = eqx.field(
-        converter=floats,
-        metadata=about("", "polynomial coefficients", low=-_LARGEST, high=_LARGEST),
+        converter=_given_cells,
+        metadata=about("", "polynomial coefficients", low=-_LARGEST, high=_LARGEST)
+        | {"record": name_of_cells},
     )
     lift_scale: Scalar = eqx.field(
         converter=floats, default=1.0, metadata=scale_of("multiplier on the lift coefficient")

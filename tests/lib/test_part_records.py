@@ -40,7 +40,7 @@ from jaxglide import (
 )
 from jaxglide._lib.records import OwnPartError, decode, encode, own_parts
 from jaxglide.air import AbstractAir
-from jaxglide.files.parts import PARTS, from_text, to_text
+from jaxglide.flight.parts import PARTS, from_text, to_text
 from jaxglide.flight.solve import settings_of
 
 GAIT = Gait.from_degrees(d_theta=1 / 3)

@@ -8,9 +8,13 @@ from typing import Any
 
 import diffrax
 
-from .. import air, body, flight, loads, shape
+from .. import air, body, loads, shape
 from .._lib.records import Registry, decode, encode
-from ..flight.solve import settings_of
+from . import ends
+from .case import Case
+from .dynamics import Glider
+from .launch import Launch
+from .solve import settings_of
 
 _BODIES = (body.Snake, body.TabulatedBody)
 _MOTIONS = (
@@ -27,8 +31,8 @@ _MOTIONS = (
 )
 _AIRS = (air.StillAir, air.UniformWind, air.ShearWind, air.Gust, air.Turbulence)
 _LOADS = (loads.SweepTheory, loads.LaggingCirculation, loads.Polar, loads.TabulatedPolar)
-_ENDS = (flight.Ground, flight.AngleLimit, flight.Plane, flight.TimeLimit, flight.End)
-_WHOLE = (flight.Glider, flight.Launch, flight.Case)
+_ENDS = (ends.Ground, ends.AngleLimit, ends.Plane, ends.TimeLimit, ends.End)
+_WHOLE = (Glider, Launch, Case)
 _SOLVERS = (
     diffrax.Euler,
     diffrax.Heun,

@@ -121,6 +121,32 @@ def check_shape(name: str, value: Any, shape: tuple) -> None:
     raise ValueError(f"{name} has shape {found}: it must be {words if shape else 'one number'}")
 
 
+def check_given(what: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Raise unless what a part of a user's own gives is an array of a shape.
+
+    Called where a function is traced, and only there: what is compiled pays nothing for it.
+    """
+    if getattr(value, "dtype", None) is None:
+        raise TypeError(f"{what} is no array but of type {type(value).__name__}")
+    check_shape(what, value, shape)
+
+
+def result_of(what: str, function: Callable[..., Any], *given: Any) -> Any:
+    """Shapes of what a function of a user's own will give, by `jax.eval_shape`.
+
+    Raises:
+        ValueError: it fails; the message says how.
+    """
+    try:
+        return jax.eval_shape(function, *given)
+    except Exception as error:
+        said = str(error).strip().partition("\n")[0]
+        raise ValueError(
+            f"{what} cannot be used: it fails with {type(error).__name__}"
+            + (f": {said}" if said else "")
+        ) from error
+
+
 @lru_cache
 def _declared(kind: type) -> list[tuple[str, tuple]]:
     """Names of a module's array fields with the shapes that their annotations declare."""

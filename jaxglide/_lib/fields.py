@@ -89,6 +89,13 @@ def floats(value: Any) -> Any:
         return value
 
 
+def names(value: Any) -> Any:
+    """Converter of a field to a tuple of names, one alone too; else unchanged, to be named."""
+    if isinstance(value, str):
+        return (value,)
+    return tuple(value) if isinstance(value, tuple | list) else value
+
+
 def about(unit: str, meaning: str, **more: Any) -> dict[str, Parameter]:
     """Metadata of a field that holds a float, or an array of floats; see `Parameter`.
 

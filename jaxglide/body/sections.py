@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import check_choice, check_integer
+from .._lib.checks import check_choice, check_given, check_integer, check_kind
 from .._lib.fields import Part
 from .._lib.types import Array, Nodes, NodesNodes, Scalar
 
@@ -64,13 +64,23 @@ class AbstractBody(Part):
 
 
 def discretise(body: AbstractBody) -> Sections:
-    """The body at its nodes: area, mass and chord there, and how to integrate along it."""
-    return body.sections()
+    """The body at its nodes: area, mass and chord there, and how to integrate along it.
+
+    Raises:
+        TypeError, ValueError: a body of one's own gives something else.
+    """
+    found, kind = body.sections(), type(body).__name__
+    check_kind(f"sections of {kind}", found, Sections)
+    nodes = np.shape(found.fraction)
+    for name in ("fraction", "chord", "area", "mass"):
+        check_given(f"{name} of {kind}", getattr(found, name), nodes)
+    check_given(f"integral of {kind}", found.integral, 2 * nodes)
+    return found
 
 
 def wing_area(body: AbstractBody) -> Scalar:
     """Planform area [m^2]."""
-    return jnp.sum(body.sections().area)
+    return jnp.sum(discretise(body).area)
 
 
 def surface_nodes(sections: Sections) -> np.ndarray:

@@ -20,7 +20,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .._lib.checks import check_kind
+from .._lib.checks import check_given, check_kind
 from .._lib.fields import Part, about, floats, recheck
 from .._lib.numerics import cross, safe_sqrt, solve3
 from .._lib.types import Array, Float, Mat3, Nodes3, Scalar, State
@@ -146,6 +146,8 @@ def _moving(time, state, own, flight: Flight):
     wave, rates = glider.gait.bending(
         sections.fraction, sections.neck_fraction, time, phase, own, observation(state)
     )
+    for name, angle in zip(wave._fields, wave, strict=True):
+        check_given(f"{name} of {type(glider.gait).__name__}", angle, sections.fraction.shape)
     body = backbone(sections, wave)
     R_BI = rotation_matrix(state[ANGLES])
     velocity_B = jnp.sum(R_BI * state[VELOCITY], axis=1)
@@ -154,6 +156,7 @@ def _moving(time, state, own, flight: Flight):
     place = R_BI.T @ body.position + state[POSITION][:, None]
     wind = glider.air.wind(place, time)
     if wind is not None:
+        check_given(f"wind of {type(glider.air).__name__}", wind, place.shape)
         velocity = velocity - R_BI @ wind
     flow = Flow(
         velocity=velocity,
@@ -167,6 +170,16 @@ def _moving(time, state, own, flight: Flight):
         kinematic_viscosity=glider.air.kinematic_viscosity,
     )
     return body, rates, flow, R_BI, spin
+
+
+def _forced(model: AbstractAerodynamics, flow: Flow, states):
+    """Forces and rates of own states, whose shapes are checked: the model may be a user's."""
+    found, kind = model(flow, states), type(model).__name__
+    if not isinstance(found, tuple) or list(map(type, found[:-1])) != [Aerodynamics]:
+        raise TypeError(f"{kind} must give Aerodynamics and the rates of its own states")
+    check_given(f"force of {kind}", found[0].force, flow.velocity.shape)
+    check_given(f"{kind}'s rates of its states", found[1], states.shape)
+    return found
 
 
 def with_own_states(time: Scalar, rigid: State, flight: Flight) -> State:
@@ -198,7 +211,7 @@ def elements(time: Scalar, state: State, flight: Flight) -> Elements:
     body, own_rates, flow, R_BI, spin = _moving(time, state, own, flight)
     # r'' + 2 omega x r' + omega x (omega x r); the term in omega' is the unknown
     relative = body.acceleration + cross(state[OMEGA], 2 * body.velocity + spin)
-    air, lag_rates = glider.aerodynamics(flow, lag)
+    air, lag_rates = _forced(glider.aerodynamics, flow, lag)
     moment = cross(body.position, air.force)
     rates = jnp.concatenate([own_rates, lag_rates])
     return Elements(body, flow.velocity, relative, moment, air, R_BI, rates)

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import check_kind, is_traced
-from .._lib.fields import Part, about, floats
+from .._lib.checks import check_given, check_kind, is_traced, result_of
+from .._lib.fields import Part, about, floats, names, recheck
 from .._lib.types import Array, Float, Scalar, State, Vec3
 from ..shape.shapes import as_module
 from .dynamics import ANGLES, POSITION
@@ -129,21 +129,21 @@ class AngleLimit(AbstractEnd):
         default=ANGLE_LIMIT,
         metadata=about("deg", "limit of the angles", low=0, high=1e4, low_open=True),
     )
-    angles: tuple[str, ...] = eqx.field(static=True, converter=tuple, default=TURNS)
+    angles: tuple[str, ...] = eqx.field(static=True, converter=names, default=TURNS)
     steady: ClassVar[bool] = True
 
     def _check(self):
-        wrong = set(self.angles) - set(TURNS)
-        if wrong or not self.angles or len(set(self.angles)) < len(self.angles):
+        given = self.angles if isinstance(self.angles, tuple) else ()
+        if not given or any(given.count(n) > 1 or n not in TURNS for n in given):
             raise ValueError(
                 f"angles = {self.angles} is not allowed: it must name yaw, pitch or roll, each "
                 "once"
             )
 
     @classmethod
-    def degrees(cls, limit=85.0, angles: Sequence[str] = TURNS) -> "AngleLimit":
+    def degrees(cls, limit=85.0, angles: str | Sequence[str] = TURNS) -> "AngleLimit":
         """The same with the limit in degrees."""
-        return cls(jnp.deg2rad(limit), tuple(angles))
+        return cls(jnp.deg2rad(limit), angles)
 
     @property
     def words(self):
@@ -226,11 +226,15 @@ class End(AbstractEnd):
     def _check(self):
         if not callable(self.function):
             raise TypeError(f"function = {self.function!r} is not a function")
+        if not isinstance(self.word, str) or not self.word:
+            raise TypeError(f"word = {self.word!r} is not a text")
         state = jax.ShapeDtypeStruct((13,), float)
-        found = jax.eval_shape(self.function, jnp.zeros(()), state)
+        found = result_of("function", self.function, jnp.zeros(()), state)
         if getattr(found, "shape", None) != ():
-            shape = getattr(found, "shape", found)
-            raise ValueError(f"function of the end {self.word!r} gives {shape}, not one number")
+            shape = getattr(found, "shape", None)
+            raise ValueError(
+                f"function of the end {self.word!r} gives shape {shape}: it must be one number"
+            )
 
     @property
     def words(self):
@@ -251,9 +255,11 @@ def check_ends(ends: Any) -> tuple[AbstractEnd, ...]:
     Raises:
         TypeError: what is no end.
     """
-    ends = (ends,) if isinstance(ends, AbstractEnd) else tuple(ends)
+    if not isinstance(ends, tuple | list):
+        ends = (ends,)
+    ends = tuple(ends)
     for k, end in enumerate(ends):
-        check_kind(f"ends[{k}]", end, AbstractEnd).__check_init__()
+        recheck(check_kind(f"ends[{k}]", end, AbstractEnd))
     return ends
 
 
@@ -279,4 +285,7 @@ def outcome_words(ends: Sequence[AbstractEnd]) -> dict[int, str]:
 
 def clearance(ends: Sequence[AbstractEnd], time: Scalar, state: State) -> Float[Array, " k"]:
     """The numbers of all ends, one after the other: positive in flight."""
-    return jnp.concatenate([end(time, state) for end in ends])
+    numbers = [end(time, state) for end in ends]
+    for end, found in zip(ends, numbers, strict=True):
+        check_given(f"what {type(end).__name__} gives", found, (len(end.words),))
+    return jnp.concatenate(numbers)

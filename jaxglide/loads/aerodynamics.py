@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from .._lib.checks import check_kind
+from .._lib.checks import check_given, check_kind
 from .._lib.fields import Part, about, floats
 from .._lib.numerics import arctan2, safe_sqrt
 from .._lib.types import Array, Float, Nodes, Nodes3, Scalar
@@ -162,6 +162,16 @@ def _forces(flow: Flow, at: _Section, lift_coefficient, drag_coefficient) -> Aer
     )
 
 
+def _coefficients(polar: AbstractPolar, at: _Section) -> tuple[Nodes, Nodes]:
+    """C_L and C_D, (n,), whose shapes are checked: the polar may be a user's own."""
+    found, kind = polar(at.beta, at.reynolds), type(polar).__name__
+    if not isinstance(found, tuple | list) or len(found) != 2:
+        raise TypeError(f"{kind} must give C_L and C_D")
+    for what, values in zip(("C_L", "C_D"), found, strict=True):
+        check_given(f"{what} of {kind}", values, at.beta.shape)
+    return found[0], found[1]
+
+
 class SweepTheory(AbstractAerodynamics):
     """The air's force by the velocity normal to the body alone (eqs 23-26), without memory.
 
@@ -179,7 +189,7 @@ class SweepTheory(AbstractAerodynamics):
 
     def __call__(self, flow, states):
         at = _section(flow)
-        return _forces(flow, at, *self.polar(at.beta, at.reynolds)), states
+        return _forces(flow, at, *_coefficients(self.polar, at)), states
 
 
 class LaggingCirculation(AbstractAerodynamics):
@@ -219,7 +229,7 @@ class LaggingCirculation(AbstractAerodynamics):
 
     def _steady(self, flow: Flow) -> tuple[_Section, Any, Any]:
         at = _section(flow)
-        lift_coefficient, drag_coefficient = self.polar(at.beta, at.reynolds)
+        lift_coefficient, drag_coefficient = _coefficients(self.polar, at)
         return at, 0.5 * at.speed * flow.chord * lift_coefficient, drag_coefficient
 
     def start(self, flow):

@@ -10,11 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import is_traced
+from .._lib.checks import is_traced, result_of
 from .._lib.fields import Part, about, floats
 from .._lib.types import Array, Float, Scalar
 from .gait import Gait
@@ -36,7 +35,11 @@ def given_inputs(values: Any) -> Any:
     """Converter of a field: inputs of a gait, or as they are; several one below the other."""
     if isinstance(values, Gait):
         return inputs_of(values)
-    if isinstance(values, list | tuple) and any(isinstance(one, Gait) for one in values):
+    if (
+        isinstance(values, list | tuple)
+        and values
+        and all(isinstance(one, Gait) for one in values)
+    ):
         return jnp.stack([given_inputs(one) for one in values])
     return floats(values)
 
@@ -222,11 +225,10 @@ class Actuated(AbstractDrive):
             raise ValueError("low and high: give both or neither")
         if not callable(self.law):
             raise TypeError(f"law = {self.law!r} is not a function")
-        wanted = jax.eval_shape(self.law, jnp.zeros(()), at_rest())
-        if getattr(wanted, "shape", None) != (count,):
-            raise ValueError(
-                f"law gives {getattr(wanted, 'shape', wanted)} inputs: initial has ({count},)"
-            )
+        wanted = result_of("law", self.law, jnp.zeros(()), at_rest())
+        shape = getattr(wanted, "shape", None)
+        if shape != (count,):
+            raise ValueError(f"law gives inputs of shape {shape}: initial has ({count},)")
         self._check_range()
 
     def _check_range(self):

@@ -4,10 +4,9 @@ import abc
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
-from .._lib.checks import check_kind
+from .._lib.checks import check_given, check_kind, result_of
 from .._lib.fields import Part
 from .._lib.types import Array, Float, Nodes, Scalar, Vec3
 
@@ -182,27 +181,23 @@ class Driven(AbstractMotion):
     def _check(self):
         check_kind("shape", self.shape, AbstractShape)
         check_kind("drive", self.drive, AbstractDrive)
-        names = self.shape.coordinates
-        states = jax.eval_shape(self.drive.start, jnp.zeros(()))
-        kind = type(self.drive).__name__
-        if states.ndim != 1:
-            raise ValueError(
-                f"{kind} starts with states of shape {states.shape}: it must be (k,)"
-            )
-        found, rates = jax.eval_shape(
-            lambda y: self.drive(jnp.zeros(()), jnp.zeros(()), y, at_rest()), states
+        names, kind = self.shape.coordinates, type(self.drive).__name__
+        states = result_of(f"start of {kind}", self.drive.start, jnp.zeros(()))
+        check_given(f"start of {kind}", states, ("k",))
+        given = result_of(
+            kind, lambda y: self.drive(jnp.zeros(()), jnp.zeros(()), y, at_rest()), states
         )
+        if not isinstance(given, tuple) or list(map(type, given[:-1])) != [Coordinates]:
+            raise TypeError(f"{kind} must give Coordinates and the rates of its own states")
+        found, rates = given
         for what, values in zip(Coordinates._fields, found, strict=True):
-            if values.shape != (len(names),):
+            shape = getattr(values, "shape", None)
+            if shape != (len(names),):
                 raise ValueError(
-                    f"{kind} gives {what} of shape {values.shape}: the shape's coordinates are "
+                    f"{kind} gives {what} of shape {shape}: the shape's coordinates are "
                     f"{len(names)} ({', '.join(names)})"
                 )
-        if rates.shape != states.shape:
-            raise ValueError(
-                f"{kind} gives rates of shape {rates.shape} of its states, whose shape is "
-                f"{states.shape}"
-            )
+        check_given(f"{kind}'s rates of its states", rates, states.shape)
 
     def start(self, phase):
         return self.drive.start(phase)

@@ -7,6 +7,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .._lib.checks import result_of
+from .._lib.fields import names
 from .._lib.numerics import sincos
 from .motion import AbstractShape, Bending, in_neck
 
@@ -89,25 +91,22 @@ class Waveform(AbstractShape):
     """
 
     angles: Callable[..., Any] = eqx.field(converter=as_module)
-    coordinates: tuple[str, ...] = eqx.field(static=True, converter=tuple)  # type: ignore
+    coordinates: tuple[str, ...] = eqx.field(static=True, converter=names)  # type: ignore
     neck: bool = eqx.field(static=True, default=True)
 
     def _check(self):
-        names = self.coordinates
+        given = self.coordinates
         if not callable(self.angles):
             raise TypeError(f"angles = {self.angles!r} is not a function")
-        if not names or len(set(names)) < len(names):
-            raise ValueError(f"coordinates = {names} are none, or name one twice")
-        if "phase" in names[:-1]:
-            raise ValueError(f"coordinates = {names}: phase must be the last")
-        given = jax.ShapeDtypeStruct((5,), float), jax.ShapeDtypeStruct((len(names),), float)
-        try:
-            found = jax.eval_shape(self.angles, *given)
-        except Exception as error:
-            raise ValueError(
-                f"angles cannot be used: of fractions (5,) and coordinates ({len(names)},) it "
-                f"fails with {type(error).__name__}: {str(error).splitlines()[0]}"
-            ) from error
+        if not isinstance(given, tuple) or not all(isinstance(name, str) for name in given):
+            raise TypeError(f"coordinates = {given!r} are not names")
+        if not given or len(set(given)) < len(given):
+            raise ValueError(f"coordinates = {given} are none, or name one twice")
+        if "phase" in given[:-1]:
+            raise ValueError(f"coordinates = {given}: phase must be the last")
+        x, q = (jax.ShapeDtypeStruct((size,), float) for size in (5, len(given)))
+        what = f"angles of fractions (5,) and coordinates ({len(given)},)"
+        found = result_of(what, self.angles, x, q)
         shapes = [getattr(one, "shape", None) for one in jax.tree.leaves(found)]
         if shapes != [(5,), (5,)]:
             raise ValueError(

@@ -12,8 +12,8 @@ from .splines import basis, check_knots, knots_of, spline
 class TabulatedMotion(AbstractMotion):
     """Bending angles measured or designed at stations along the body, over time.
 
-    Cubic splines in both: smooth in time to the second derivative, held before the first
-    time and after the last. The angles hold all along the body, the neck included. The
+    Cubic splines in both: in time smooth to the second derivative from the first time to the
+    last, held before and after, with no rate at either. The angles hold all along the body, the neck included. The
     motion has no cycle: its launch phase has no effect, and it starts level where the launch
     says no angles.
 

@@ -13,9 +13,9 @@ class TabulatedMotion(AbstractMotion):
     """Bending angles measured or designed at stations along the body, over time.
 
     Cubic splines in both: in time smooth to the second derivative from the first time to the
-    last, held before and after, with no rate at either. The angles hold all along the body, the neck included. The
-    motion has no cycle: its launch phase has no effect, and it starts level where the launch
-    says no angles.
+    last, held before and after, with no rate at either. The angles hold all along the body,
+    the neck included. The motion has no cycle: its launch phase has no effect, and it starts
+    level where the launch says no angles.
 
     Args:
         times: since launch [s], rising, (T,), T at least 2 (static).

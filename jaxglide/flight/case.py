@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
+import numpy as np
 
 from .._lib import paths
 from .._lib.checks import check_kind
@@ -79,13 +80,19 @@ class Case(Part):
         return None if found is None else found / paths.described(self, path).factor
 
     def check(self, values: Mapping[str, Any]) -> None:
-        """Raise `ValueError` for an unknown name or a value out of range.
+        """Raise `ValueError` for an unknown name, a value out of range, or an array's name.
 
         Args:
             values: by name, numbers or arrays, in the units that people read.
         """
         for name, value in values.items():
             self.parameter(name).check(name, value)
+            shape = np.shape(paths.get(self, _inside(self, self.path(name))))
+            if shape:
+                raise ValueError(
+                    f"{name} is an array of shape {shape}: name a number in it, such as "
+                    f"{name}[{','.join('0' * len(shape))}]"
+                )
 
     def replace(self, values: Mapping[str, Any]) -> "Case":
         """The case with other values, which may be traced; what follows from them follows.

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .._lib.parameters import PARAMETERS
 from .._lib.units import in_file
 from .._lib.units import labelled as with_unit
 from ..ensemble.records import stamp
@@ -55,6 +54,7 @@ def labelled(
         for key, shape in shapes.items()
     }
     each, at = ("step", "start"), "parameter"
+    about = [problem.base.parameter(name) for name in problem.names]
     table = {
         "point": ((*each, at), steps["point"], "", "free parameters, in their units"),
         "value": (each, steps["value"], unit, name),
@@ -74,7 +74,7 @@ def labelled(
         },
         coords={
             "parameter": list(problem.names),
-            "unit": (at, [in_file(PARAMETERS[n].unit) or "1" for n in problem.names]),
+            "unit": (at, [in_file(p.unit) or "1" for p in about]),
             "low": (at, problem.low),
             "high": (at, problem.high),
         },

@@ -16,9 +16,11 @@ from .._lib.numerics import safe_sqrt
 from .._lib.types import Array, Scalar
 from ..body.sections import Sections, discretise
 from ..flight.dynamics import VELOCITY, Glider
-from ..flight.ends import Outcome
+from ..flight.ends import AbstractEnd, AngleLimit, Ground, Outcome, check_ends, default_ends
 from ..flight.glide import Glide, simulate
 from ..flight.launch import Launch
+from ..shape.kinematics import Backbone, backbone
+from ..shape.motion import Bending, at_rest
 
 
 class Trial:
@@ -26,13 +28,18 @@ class Trial:
 
     Args:
         glider, launch: what is judged.
-        **options: how to solve; keyword arguments of `simulate`.
+        **options: how to solve and what ends the flight; keyword arguments of `simulate`.
     """
 
     def __init__(self, glider: Glider, launch: Launch | None = None, **options):
         self.glider = glider
         self.launch = Launch() if launch is None else launch
         self.options = options
+
+    @cached_property
+    def ends(self) -> tuple[AbstractEnd, ...]:
+        ends = self.options.get("ends")
+        return default_ends() if ends is None else check_ends(ends)
 
     @cached_property
     def sections(self) -> Sections:
@@ -43,13 +50,59 @@ class Trial:
         return simulate(self.glider, self.launch, **self.options)
 
     @cached_property
+    def ground(self) -> Ground:
+        """The ground among the ends; `ValueError` where there is none."""
+        for end in self.ends:
+            if isinstance(end, Ground):
+                return end
+        raise ValueError(
+            "ends hold no Ground: distance, duration, sink rate and margin are those to it"
+        )
+
+    @cached_property
+    def limits(self) -> tuple[AngleLimit, ...]:
+        """The limits of the angles among the ends; `ValueError` where there is none."""
+        found = tuple(end for end in self.ends if isinstance(end, AngleLimit))
+        if not found:
+            raise ValueError("ends hold no AngleLimit: there is no margin of stability to one")
+        return found
+
+    def cycle(self, fraction, phase) -> Bending:
+        """Bending at a phase [rad] of the motion's cycle, derivatives by phase.
+
+        Raises:
+            ValueError: it has no cycle.
+        """
+        bent = self.glider.gait.cycle(fraction, self.sections.neck_fraction, phase)
+        if bent is None:
+            kind = type(self.glider.gait).__name__
+            raise ValueError(
+                f"gait = {kind} has no cycle: curvature, power and clearance are those of one"
+            )
+        return bent
+
+    def moving(self, phase) -> Backbone:
+        """The body as it moves at launch, at a phase [rad] of the motion's cycle."""
+        sections, gait = self.sections, self.glider.gait
+        self.cycle(sections.fraction, phase)
+        time, own = jnp.zeros_like(phase), gait.start(phase)
+        given = sections.fraction, sections.neck_fraction, time, phase, own, at_rest()
+        return backbone(sections, gait.bending(*given)[0])
+
+    @cached_property
     def landed(self) -> Array:
         return self.glide.outcome == Outcome.LANDED
 
     @cached_property
+    def height(self) -> Scalar:
+        """Height of the launch above the ground [m]."""
+        return self.launch.height - self.ground.level
+
+    @cached_property
     def height_left(self) -> Scalar:
         """Height above the ground at the end [m], 0 for a landing."""
-        return jnp.where(self.landed, 0.0, jnp.maximum(self.glide.state[2], 0.0))
+        above = self.glide.state[2] - self.ground.level
+        return jnp.where(self.landed, 0.0, jnp.maximum(above, 0.0))
 
     @cached_property
     def drop_time(self) -> Scalar:

@@ -26,10 +26,10 @@ from .._lib.checks import check_choice, check_range
 from .._lib.numerics import safe_sqrt
 from .._lib.types import Array, Float, Scalar
 from ..body.sections import discretise
+from ..flight.case import Case
 from ..flight.dynamics import Glider
-from ..flight.ends import ANGLE_LIMIT
+from ..flight.ends import TURNS
 from ..flight.launch import Launch, published_speed
-from ..shape.gait import waves
 from ..shape.kinematics import backbone
 from ..tunnel.loads import phases_of
 from ..tunnel.trim import pitch_moment
@@ -51,30 +51,17 @@ def evaluate(
     return jnp.stack([objective.value(trial) for objective in objectives])
 
 
-VARIED = ("lift_scale", "drag_scale", "speed", "mass")
-"""What `varied` can multiply."""
-
-
-def _multiplied(glider: Glider, launch: Launch, factors) -> tuple[Glider, Launch]:
-    """Glider and launch with four quantities multiplied, in the order of `VARIED`."""
-    lift, drag, speed, mass = factors
-    polar = glider.aerodynamics.polar
-    launched = launch.speed
-    if launched is None:
-        launched = published_speed(glider, discretise(glider.body))
-    glider = eqx.tree_at(
-        lambda g: (
-            g.aerodynamics.polar.lift_scale,
-            g.aerodynamics.polar.drag_scale,
-            g.body.mass,
-        ),
-        glider,
-        (lift * polar.lift_scale, drag * polar.drag_scale, mass * glider.body.mass),
-    )
-    launch = eqx.tree_at(
-        lambda x: x.speed, launch, speed * launched, is_leaf=lambda x: x is None
-    )
-    return glider, launch
+def _multiplied(case: Case, factors: Mapping[str, Scalar]) -> Case:
+    """The case with some of its floats multiplied."""
+    values = {}
+    for name, factor in factors.items():
+        value = case.value(name)
+        if value is None and case.path(name) == "launch.speed":
+            value = published_speed(case.glider, discretise(case.glider.body))
+        if value is None:
+            raise ValueError(f"{name} is left out: there is nothing to multiply")
+        values[name] = factor * value
+    return case.replace(values)
 
 
 def varied(
@@ -84,48 +71,52 @@ def varied(
 
     Args:
         objective: what is wanted in each of them (see `Objective.sense`).
-        factors: multipliers by name of `VARIED`, each (K,); the others are 1. The launch
-            speed is that of the unchanged glider.
+        factors: multipliers of floats of glider, launch and ends, by path or short name (see
+            `Case`), each (K,); nothing else changes. A launch speed that is left out is that
+            of the unchanged glider.
         how: "mean" or "worst"; the gradient of the worst is that of the one that is worst.
 
     Raises:
-        ValueError: an unknown name, lengths that differ, factors not above 0.
+        ValueError: lengths that differ, factors not above 0; in a trial, an unknown name.
     """
     check_choice("how", how, ("mean", "worst"))
     for name, values in factors.items():
-        check_choice("factors", name, VARIED)
         check_range(f"factors of {name}", np.asarray(values), "", 0, 100, low_open=True)
     shapes = {np.shape(values) for values in factors.values()}
     if len(shapes) != 1 or min(map(len, shapes)) != 1 or shapes == {(0,)}:
         raise ValueError(
             f"factors have shapes {sorted(shapes)}: they must be one list each, of one length"
         )
-    ones = np.ones(shapes.pop())
-    table = np.stack([np.asarray(factors.get(name, ones), float) for name in VARIED], axis=1)
+    table = {name: np.asarray(values, float) for name, values in factors.items()}
 
     def function(trial: Trial) -> Scalar:
         def one(row):
-            changed = _multiplied(trial.glider, trial.launch, row)
-            return objective.value(Trial(*changed, **trial.options))
+            case = _multiplied(Case(trial.glider, trial.launch, trial.ends), row)
+            options = trial.options | {"ends": case.ends}
+            return objective.value(Trial(case.glider, case.launch, **options))
 
-        values = jax.vmap(one)(jnp.asarray(table))
+        values = jax.vmap(one)(jax.tree.map(jnp.asarray, table))
         if how == "mean":
             return jnp.mean(values)
         return jnp.min(values) if objective.sense > 0 else jnp.max(values)
 
-    name = f"{how} {objective.name} of {len(table)}"
+    name = f"{how} {objective.name} of {len(next(iter(table.values())))}"
     return Objective(name, objective.unit, function, objective.sense)
 
 
 def _stability_margin(trial: Trial) -> Scalar:
-    degrees = jnp.rad2deg(trial.glide.max_angles)
-    largest = _SOFTNESS * jax.nn.logsumexp(degrees / _SOFTNESS)
-    limit = np.rad2deg(ANGLE_LIMIT)
-    return limit - largest - limit * trial.height_left / trial.launch.height
+    angles, beyond = jnp.rad2deg(trial.glide.max_angles), []
+    for end in trial.limits:
+        which = np.array([TURNS.index(name) for name in end.angles])
+        beyond.append(angles[which] - jnp.rad2deg(end.limit))
+    largest = _SOFTNESS * jax.nn.logsumexp(jnp.concatenate(beyond) / _SOFTNESS)
+    limit = jnp.rad2deg(jnp.min(jnp.stack([end.limit for end in trial.limits])))
+    return -largest - limit * trial.height_left / trial.height
 
 
 def _squared_pitch_moment(trial: Trial) -> Scalar:
-    return (1e3 * pitch_moment(trial.glider, trial.launch)) ** 2
+    launch = eqx.tree_at(lambda x: x.height, trial.launch, trial.height)
+    return (1e3 * pitch_moment(trial.glider, launch)) ** 2
 
 
 def _over_phases(trial: Trial, function) -> Scalar:
@@ -133,12 +124,12 @@ def _over_phases(trial: Trial, function) -> Scalar:
 
 
 def _curvature(trial: Trial) -> Scalar:
-    glider, sections = trial.glider, trial.sections
+    sections = trial.sections
     width = sections.area / sections.chord
 
     def squared(phase):
         def angles(fraction):
-            wave = waves(glider.gait, glider.body.neck_fraction, fraction, phase, 0.0)
+            wave = trial.cycle(fraction, phase)
             return wave.theta, wave.psi
 
         ones = jnp.ones_like(sections.fraction)
@@ -150,27 +141,22 @@ def _curvature(trial: Trial) -> Scalar:
 
 
 def _undulation_power(trial: Trial) -> Scalar:
-    glider, sections = trial.glider, trial.sections
+    sections = trial.sections
 
     def squared(phase):
-        rate = -2 * jnp.pi * glider.gait.f_theta
-        body = backbone(
-            sections, waves(glider.gait, sections.neck_fraction, sections.fraction, phase, rate)
-        )
+        body = trial.moving(phase)
         return jnp.sum(sections.mass * jnp.sum(body.velocity * body.acceleration, axis=0)) ** 2
 
     return safe_sqrt(_over_phases(trial, squared))
 
 
 def _clearance(trial: Trial) -> Scalar:
-    glider, sections = trial.glider, trial.sections
+    sections = trial.sections
     fraction = sections.fraction
     apart = jnp.abs(fraction[:, None] - fraction) > _APART
 
     def nearest(phase):
-        place = backbone(
-            sections, waves(glider.gait, sections.neck_fraction, sections.fraction, phase, 0.0)
-        ).position
+        place = backbone(sections, trial.cycle(fraction, phase)).position
         squared = jnp.sum((place[:, :, None] - place[:, None, :]) ** 2, axis=0)
         return jnp.min(jnp.where(apart, squared, jnp.inf))
 
@@ -184,14 +170,10 @@ landing_distance = Objective("landing_distance", "m", lambda trial: trial.distan
 path_length = Objective("path_length", "m", lambda trial: trial.path_length)
 """Horizontal path length, the published glide distance; after a tumble continued."""
 
-glide_ratio = Objective(
-    "glide_ratio", "", lambda trial: trial.path_length / trial.launch.height
-)
+glide_ratio = Objective("glide_ratio", "", lambda trial: trial.path_length / trial.height)
 """Horizontal path length over height; after a tumble continued."""
 
-sink_rate = Objective(
-    "sink_rate", "m/s", lambda trial: trial.launch.height / trial.time, sense=-1
-)
+sink_rate = Objective("sink_rate", "m/s", lambda trial: trial.height / trial.time, sense=-1)
 """Height over duration; after a tumble continued."""
 
 glide_angle = Objective(
@@ -200,9 +182,9 @@ glide_angle = Objective(
 """Angle of the path below the horizontal at the end, wherever that is."""
 
 stability_margin = Objective("stability_margin", "deg", _stability_margin)
-"""85 degrees minus the largest |yaw|, |pitch|, |roll| of the glide (a smooth maximum, at most
-2.2 degrees above the true one), and minus 85 degrees times the share of the height left where
-it tumbles."""
+"""The limit of the angles among the ends, 85 degrees by default, minus the largest of those it
+holds for, |yaw|, |pitch|, |roll| (a smooth maximum, of three at most 2.2 degrees above the true
+one), and minus the limit times the share of the height left where it tumbles."""
 
 squared_pitch_moment = Objective(
     "squared_pitch_moment", "(N mm)^2", _squared_pitch_moment, sense=-1
@@ -213,7 +195,8 @@ curvature = Objective("curvature", "1/SVL", _curvature, sense=-1)
 """Root mean square curvature of the body over its length and a cycle, times its length."""
 
 undulation_power = Objective("undulation_power", "W", _undulation_power, sense=-1)
-"""Root mean square rate of the kinetic energy of the shape change over a cycle."""
+"""Root mean square rate of the kinetic energy of the shape change over a cycle, as it runs at
+launch."""
 
 clearance = Objective("clearance", "chords", _clearance)
 """Least distance over a cycle between parts of the body more than 0.15 of its length apart,

@@ -7,7 +7,7 @@ for what is asked, `_ascent` for how the starts move.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ import optax
 import xarray as xr
 
 from .._lib.checks import check_choice, check_integer, check_range
-from .._lib.parameters import PARAMETERS
+from .._lib.report import Report, Reported
 from ..ensemble.records import versions
 from .ascent import FEASIBLE, Ascent
 from .climb import Search
@@ -33,7 +33,7 @@ _RATE = 0.1  # of Adam, where nothing else is said
 
 
 @dataclass(frozen=True)
-class Optimum:
+class Optimum(Reported):
     """What an optimisation found.
 
     Attributes:
@@ -63,22 +63,24 @@ class Optimum:
     reason: str
     history: xr.Dataset
 
-    def __str__(self) -> str:
-        unit = self.problem.objective.unit
-        lines = [f"{self.problem.objective.name} {self.value:.6g} {unit}".rstrip()]
-        for name, value in self.best.items():
-            low, high = self.problem.free[name]
-            edge = (
-                " (at its bound)"
-                if min(value - low, high - value) < 1e-3 * (high - low)
-                else ""
-            )
-            lines.append(f"  {name:12} {value:.6g} {PARAMETERS[name].unit}".rstrip() + edge)
+    def report(self) -> Report:
+        base, notes = self.problem.base, []
         for constraint, slack in zip(self.problem.constraints, self.slacks, strict=True):
             kept = "met" if slack > 0.05 else "binding" if slack > -FEASIBLE else "violated"
-            lines.append(f"  {constraint!s} is {kept}")
-        lines.append(f"  {self.reason}")
-        return "\n".join(lines)
+            notes.append(f"{constraint!s} is {kept}")
+        rows = []
+        for name, value in self.best.items():
+            low, high = self.problem.free[name]
+            near = min(value - low, high - value) < 1e-3 * (high - low)
+            text = f"{value:.6g} {base.parameter(name).unit}".rstrip()
+            rows.append((name, text + (" (at its bound)" if near else "")))
+        title = _said(self.problem, self.value)
+        return Report(title, tuple(rows), (*notes, self.reason))
+
+
+def _said(problem: Problem, value: float) -> str:
+    """The objective's name and value."""
+    return f"{problem.objective.name} {value:.6g} {problem.objective.unit}".rstrip()
 
 
 def optimise(
@@ -266,14 +268,17 @@ def _point(what: str, problem: Problem, given: Mapping[str, float]) -> list[floa
     for name, (low, high) in problem.free.items():
         if name not in given:
             raise ValueError(f"a {what} lacks {name}")
-        check_range(f"{what} of {name}", given[name], PARAMETERS[name].unit, low, high)
+        unit = problem.base.parameter(name).unit
+        check_range(f"{what} of {name}", given[name], unit, low, high)
     return [float(given[name]) for name in problem.names]
 
 
-class Verification(NamedTuple):
+@dataclass(frozen=True)
+class Verification(Reported):
     """An optimum looked at again.
 
     Attributes:
+        problem: what was asked.
         value, slacks: by a solution at 1e-9, and (m,).
         nearby: best value found among feasible samples around it; NaN where none is.
         gain: of that over the value, relative; NaN where there is none.
@@ -281,12 +286,20 @@ class Verification(NamedTuple):
         samples: number of samples.
     """
 
+    problem: Problem
     value: float
     slacks: np.ndarray
     nearby: float
     gain: float
     at: np.ndarray
     samples: int
+
+    def report(self) -> Report:
+        nearby = f"none of {self.samples} points nearby meets the constraints"
+        if np.isfinite(self.gain):
+            gain = f"{100 * self.gain:+.3f} % better"
+            nearby = f"of {self.samples} points nearby the best is {gain}"
+        return Report(f"{_said(self.problem, self.value)} at 1e-9", (), (nearby,))
 
 
 def verify(
@@ -330,4 +343,4 @@ def verify(
     k, value = int(np.argmax(others)), float(values[0, 0])
     nearby = float(others[k]) if feasible.any() else np.nan
     gain = (nearby - value) / max(abs(value), 1e-300)
-    return Verification(value, values[0, 1:], nearby, float(gain), around[k], samples)
+    return Verification(problem, value, values[0, 1:], nearby, float(gain), around[k], samples)

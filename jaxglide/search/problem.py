@@ -7,14 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import check_range, warn_float32
+from .._lib.checks import check_kind, check_range, warn_float32
 from .._lib.parameters import GRADIENT_SETUP as SETUP
-from .._lib.parameters import OBSERVED, SEARCH_TOLERANCE
-from ..ensemble.cases import as_number, build, check_parameters, check_setup
+from .._lib.parameters import SEARCH_TOLERANCE
+from .._lib.types import Array, Float, Scalar
+from ..ensemble.base import check_setup, published_case
+from ..ensemble.cases import as_number
+from ..flight.case import Case
 from .objective import Constraint, Objective, Trial, plain
 
 _LANES = 16  # points per core in one batch
@@ -43,49 +47,93 @@ class Evaluation(NamedTuple):
         return np.logical_and(ordinary, np.isfinite(self.gradients).all(axis=(1, 2)))
 
 
-def _bounds(free: Any) -> dict[str, tuple[float, float]]:
+def _bounds(case: Case, free: Any) -> dict[str, tuple[float, float]]:
     """Bounds by name, from those or from names alone; see `Problem`."""
     if not isinstance(free, Mapping):
         if not isinstance(free, Iterable):
             raise TypeError(f"free = {free!r} is neither bounds by name nor a list of names")
         names = [free] if isinstance(free, str) else list(free)
-        for name in names:
-            if name not in OBSERVED:
-                known = ", ".join(OBSERVED)
-                raise ValueError(f"give bounds of {name!r}: ranges observed are of {known}")
+        ranges = {name: case.parameter(name).observed for name in names}
+        for name, observed in ranges.items():
+            if observed is None:
+                known = [case.name(p) for p, about in case.parameters.items() if about.observed]
+                raise ValueError(
+                    f"give bounds of {name!r}: ranges observed are of {', '.join(known)}"
+                )
             if names.count(name) > 1:
                 raise ValueError(f"{name} is named twice among what is free")
-        free = {name: OBSERVED[name] for name in names}
+        free = ranges
     if not free:
         raise ValueError("no parameter is free")
     bounds = {}
     for name, ends in free.items():
-        check_parameters({name: ends})
+        case.check({name: ends})
         if np.shape(ends) != (2,) or not ends[0] < ends[1]:
             raise ValueError(f"bounds of {name} are {ends}, not lowest and highest")
         bounds[name] = float(ends[0]), float(ends[1])
     return bounds
 
 
+class _Asked(NamedTuple):
+    """What of a problem is part of a compiled function."""
+
+    objective: Objective
+    constraints: tuple[Constraint, ...]
+    free: tuple[str, ...]
+    fixed: tuple[str, ...]
+
+
+class _Given(NamedTuple):
+    """What is not: other numbers compile nothing."""
+
+    case: Case
+    fixed: Float[Array, " f"]
+    rtol: Scalar
+    atol: Scalar
+    max_time: Scalar
+
+
+def _values(asked: _Asked, given: _Given, x) -> Float[Array, " v"]:
+    """The objective and the slacks of the constraints at a point (n,), (1 + m,)."""
+    values = dict(zip(asked.fixed, given.fixed, strict=True))
+    case = given.case.replace(values | dict(zip(asked.free, x, strict=True)))
+    trial = Trial(
+        case.glider,
+        case.launch,
+        ends=case.ends,
+        rtol=given.rtol,
+        atol=given.atol,
+        max_time=given.max_time,
+    )
+    slacks = [constraint.slack(trial) for constraint in asked.constraints]
+    return jnp.stack([asked.objective.value(trial), *slacks])
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """What to make as large as possible, by changing what, within which limits.
 
+    Every float of a base case can be free or fixed, one of a part of a user's own too. It is
+    named by its path or its short name, `gait.nu_theta` or `nu_theta` (see `Case`).
+
     Args:
         objective: what to maximise (see `Objective.wanted`).
-        free: bounds by name of `PARAMETERS`, in its unit; a sequence of names takes the
-            ranges observed in flight.
+        free: bounds by name, in the unit people read; a sequence of names takes the ranges
+            observed in flight.
         constraints: inequalities to meet.
-        fixed: values of other parameters.
-        setup: "polar", "node_set", "nodes"; smooth polar, Gauss nodes where not given.
+        fixed: values of other floats by name, in the unit people read.
+        setup: "polar", "node_set", "nodes" of the published snake, where there is no `case`;
+            smooth polar, Gauss nodes where not given.
         rtol, atol: tolerances of the glides.
         max_time: longest flight [s].
+        case: glider, launch and ends that are varied; by default the published snake from
+            10 m, its amplitude on the shape line and its mass that of its length.
 
     Problems are equal that ask the same, of the same objects as objective and constraints.
 
     Raises:
         ValueError: an unknown name, bounds out of range or without room between them.
-        TypeError: what is no objective or constraint.
+        TypeError: what is no objective, constraint or case.
     """
 
     objective: Objective
@@ -96,6 +144,7 @@ class Problem:
     rtol: float = SEARCH_TOLERANCE
     atol: float = SEARCH_TOLERANCE
     max_time: float = 60.0
+    case: Case | None = None
 
     def __post_init__(self):
         if not isinstance(self.objective, Objective):
@@ -107,22 +156,36 @@ class Problem:
                 raise TypeError(
                     f"{constraint!r} is not a Constraint: say objective.at_least(bound)"
                 )
-        free, fixed = _bounds(self.free), dict(self.fixed or {})
+        case, setup = self._base()
+        free, fixed = _bounds(case, self.free), dict(self.fixed or {})
         fixed = {name: as_number(name, value) for name, value in fixed.items()}
-        check_parameters(fixed)
-        for name in fixed:
-            if name in free:
-                raise ValueError(f"{name} is both free and fixed")
+        case.check(fixed)
+        taken: dict[str, str] = {}
+        for kind, names in (("free", free), ("fixed", fixed)):
+            for name in names:
+                other = taken.setdefault(case.path(name), kind)
+                if other != kind:
+                    raise ValueError(f"{name} is both free and fixed")
+        if len(taken) < len(free) + len(fixed):
+            raise ValueError(f"{', '.join((*free, *fixed))} name one float twice")
         for name in ("rtol", "atol"):
             check_range(name, getattr(self, name), "", 0, 0.1, low_open=True, shape=())
         check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True, shape=())
-        set_ = object.__setattr__
-        for name in ("rtol", "atol", "max_time"):
-            set_(self, name, float(getattr(self, name)))
-        set_(self, "free", free)
-        set_(self, "fixed", fixed)
-        set_(self, "constraints", tuple(constraints))
-        set_(self, "setup", check_setup(SETUP | dict(self.setup or {})))
+        plain = {name: float(getattr(self, name)) for name in ("rtol", "atol", "max_time")}
+        plain |= {"case": case, "setup": setup, "free": free, "fixed": fixed}
+        for name, value in {**plain, "constraints": tuple(constraints)}.items():
+            object.__setattr__(self, name, value)
+
+    def _base(self) -> tuple[Case, dict[str, Any]]:
+        """The base and, if it is the published snake, its setup."""
+        if self.case is None:
+            setup = check_setup(SETUP | dict(self.setup or {}))
+            return published_case(setup), setup
+        if self.setup:
+            raise ValueError(
+                f"setup = {self.setup!r} is the published snake's: a case has none"
+            )
+        return check_kind("case", self.case, Case), {}
 
     def _identity(self) -> tuple:
         fixed, setup = (tuple(sorted((p or {}).items())) for p in (self.fixed, self.setup))
@@ -132,10 +195,21 @@ class Problem:
     def __eq__(self, other) -> bool:
         if not isinstance(other, Problem):
             return NotImplemented
-        return self._identity() == other._identity()
+        same = self._identity() == other._identity()
+        return same and bool(eqx.tree_equal(self.base, other.base))
 
     def __hash__(self) -> int:
         return hash(self._identity())
+
+    @property
+    def base(self) -> Case:
+        """The case that is varied."""
+        assert self.case is not None
+        return self.case
+
+    def at(self, point: Mapping[str, float]) -> Case:
+        """The case at values of free parameters by name; the fixed ones are what they are."""
+        return self.base.replace({**(self.fixed or {}), **point})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -152,19 +226,22 @@ class Problem:
         """Highest values, (n,)."""
         return np.array([ends[1] for ends in self.free.values()])
 
+    @property
+    def asked(self) -> _Asked:
+        """What of it is part of a compiled function."""
+        return _Asked(self.objective, self.constraints, self.names, tuple(self.fixed or ()))
+
+    def given(self, rtol=None, atol=None) -> _Given:
+        """What of it is not; tolerances default to its own."""
+        fixed = jnp.array(list((self.fixed or {}).values()), float)
+        rtol = self.rtol if rtol is None else rtol
+        atol = self.atol if atol is None else atol
+        numbers = (jnp.asarray(x, float) for x in (rtol, atol, self.max_time))
+        return _Given(self.base, fixed, *numbers)
+
     def values(self, x, rtol=None, atol=None):
         """The objective and the slacks of the constraints at a point (n,), (1 + m,)."""
-        assert self.fixed is not None
-        assert self.setup is not None
-        case = {**self.fixed, **dict(zip(self.names, x, strict=True))}
-        trial = Trial(
-            *build(case, self.setup),
-            rtol=self.rtol if rtol is None else rtol,
-            atol=self.atol if atol is None else atol,
-            max_time=self.max_time,
-        )
-        slacks = [constraint.slack(trial) for constraint in self.constraints]
-        return jnp.stack([self.objective.value(trial), *slacks])
+        return _values(self.asked, self.given(rtol, atol), x)
 
     def answer(self, found: Evaluation, count: int, gradients: bool) -> Evaluation:
         """What an evaluator found at `count` points, in float64, checked.
@@ -187,18 +264,29 @@ class Problem:
 
     def describe(self) -> dict[str, Any]:
         """The problem in plain values."""
-        assert self.fixed is not None
-        assert self.setup is not None
         return {
             "objective": self.objective.name,
             "free": {name: list(ends) for name, ends in self.free.items()},
             "constraints": [f"{c} (scale {plain(c.scale)})" for c in self.constraints],
-            "fixed": dict(self.fixed),
-            "setup": dict(self.setup),
+            "fixed": dict(self.fixed or {}),
+            "setup": dict(self.setup or {}),
+            "case": _record(self.base),
             "rtol": self.rtol,
             "atol": self.atol,
             "max_time": self.max_time,
         }
+
+
+def _record(case: Case) -> dict[str, Any]:
+    """Every float of a case by path, in the unit people read; of an array, its digest."""
+    found = {}
+    for path in case.parameters:
+        value = case.value(path)
+        if np.ndim(value):
+            found[path] = hashlib.sha256(np.asarray(value).tobytes()).hexdigest()[:16]
+        else:
+            found[path] = None if value is None else float(value)
+    return {"follow": list(case.follow), **found}
 
 
 def fingerprint(function: Callable, *arguments) -> str:
@@ -208,6 +296,22 @@ def fingerprint(function: Callable, *arguments) -> str:
     for constant in traced.jaxpr.consts:
         digest.update(np.asarray(constant).tobytes())
     return digest.hexdigest()[:32]
+
+
+@eqx.filter_jit
+def _batch(asked: _Asked, given: _Given, points: Float[Array, "S n"], gradients: bool):
+    """Values (S, 1 + m) and gradients (S, 1 + m, n), or none (S, 1, 0), of points."""
+
+    def one(x):
+        def twice(x):
+            values = _values(asked, given, x)
+            return values, values
+
+        if gradients:
+            return jax.jacfwd(twice, has_aux=True)(x)[::-1]
+        return twice(x)[0], x[None, :0]
+
+    return jax.vmap(one)(points)
 
 
 class Evaluator:
@@ -223,18 +327,7 @@ class Evaluator:
         if not isinstance(problem, Problem):
             raise TypeError(f"problem = {problem!r} is not a Problem")
         self.told = warn_float32(problem.rtol, problem.atol)
-        self.problem, self.width = problem, 0
-
-        def one(x, rtol, atol):
-            def twice(x):
-                values = problem.values(x, rtol, atol)
-                return values, values
-
-            if gradients:
-                return jax.jacfwd(twice, has_aux=True)(x)[::-1]
-            return twice(x)[0], x[None, :0]
-
-        self._batch = jax.jit(jax.vmap(one, in_axes=(0, None, None)))
+        self.problem, self.gradients, self.width = problem, gradients, 0
         # Optimistix's implicit derivatives do not trace under shard_map (0.1.0), so that
         # threads share out the batches: over the cores of a CPU, or one a GPU.
         devices = jax.local_devices()
@@ -243,7 +336,13 @@ class Evaluator:
 
     def fingerprint(self) -> str:
         """A digest of all that is computed, down to the code of the user's own objective."""
-        return fingerprint(self.problem.values, self.problem.low)
+        arrays, rest = eqx.partition(self.problem.given(), eqx.is_array)
+        asked = self.problem.asked
+
+        def values(arrays, x):
+            return _values(asked, eqx.combine(arrays, rest), x)
+
+        return fingerprint(values, arrays, self.problem.low)
 
     def __call__(self, points: np.ndarray, rtol=None, atol=None) -> Evaluation:
         """Evaluate points (S, n) in batches; tolerances default to the problem's.
@@ -255,13 +354,13 @@ class Evaluator:
         points, n = np.asarray(points, float), len(problem.names)
         if points.ndim != 2 or points.shape[1] != n or not len(points):
             raise ValueError(f"points of shape {points.shape} are not (S, {n}) or are none")
-        check_parameters(dict(zip(problem.names, points.T, strict=True)))
+        problem.base.check(dict(zip(problem.names, points.T, strict=True)))
         rtol = problem.rtol if rtol is None else rtol
         atol = problem.atol if atol is None else atol
         for name, value in (("rtol", rtol), ("atol", atol)):
             check_range(name, value, "", 0, 0.1, low_open=True, shape=())
         self.told = self.told or warn_float32(rtol, atol)
-        rtol, atol = jnp.asarray(rtol), jnp.asarray(atol)
+        asked, given = problem.asked, problem.given(rtol, atol)
         if not self.width:  # kept, so that fewer points later compile nothing
             batches = -(-len(points) // (_LANES * len(workers))) * len(workers)
             self.width = -(-len(points) // batches)
@@ -269,7 +368,7 @@ class Evaluator:
         def evaluate(k: int):
             index = np.minimum(np.arange(k, k + self.width), len(points) - 1)
             batch = jax.device_put(points[index], workers[k // self.width % len(workers)])
-            return tuple(map(np.asarray, self._batch(batch, rtol, atol)))
+            return tuple(map(np.asarray, _batch(asked, given, batch, self.gradients)))
 
         with ThreadPoolExecutor(len(workers)) as pool:
             found = list(pool.map(evaluate, range(0, len(points), self.width)))

@@ -9,10 +9,24 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake
+from jaxglide import (
+    AngleLimit,
+    Driven,
+    Gait,
+    Glider,
+    Ground,
+    Launch,
+    Outcome,
+    Polar,
+    Running,
+    Serpenoid,
+    Snake,
+    TabulatedMotion,
+    TimeLimit,
+)
 from jaxglide._lib import parameters
 from jaxglide.body.sections import discretise
-from jaxglide.ensemble.cases import build, check_setup
+from jaxglide.ensemble.base import published_case
 from jaxglide.search import objective as _objective
 from jaxglide.search.objectives import (
     OBJECTIVES,
@@ -33,16 +47,16 @@ from jaxglide.search.objectives import (
 from jaxglide.shape.gait import waves
 from jaxglide.shape.kinematics import backbone
 
-SETUP = check_setup({"polar": "smooth", "node_set": "gauss", "nodes": 40})
+BASE = published_case({"polar": "smooth", "node_set": "gauss", "nodes": 40})
 
 
 def glider_of(**gait):
     return Glider(Snake.from_svl(), Gait.from_degrees(**gait), Polar.smooth())
 
 
-def ended(outcome, height, velocity=(0.5, 3.0, -4.0), largest=(10.0, 30.0, 20.0)):
+def ended(outcome, height, velocity=(0.5, 3.0, -4.0), largest=(10.0, 30.0, 20.0), **options):
     """A trial from 10 m whose glide, of 2 s, ended 5 m forward at some height."""
-    trial = Trial(glider_of(), Launch(10.0))
+    trial = Trial(glider_of(), Launch(10.0), **options)
     state = jnp.zeros(13).at[:3].set(jnp.array([0.0, 5.0, height]))
     state = state.at[3:6].set(jnp.array(velocity)).at[12].set(5.5)
     trial.__dict__["glide"] = SimpleNamespace(
@@ -142,6 +156,54 @@ def test_clearance_is_the_least_of_a_cycle():
     assert float(clearance(glider_of(theta_m=119.7, nu_theta=1.45))) < expected
 
 
+def test_properties_of_the_cycle_are_those_of_any_motion_that_has_one():
+    gait = Gait.from_degrees(theta_m=115.0, nu_theta=1.45, d_theta=5.0, f_theta=1.5)
+    driven = Driven(Serpenoid(), Running(gait))
+    for objective in (curvature, undulation_power, clearance):
+        one, other = (
+            float(objective(Glider(Snake.from_svl(), motion))) for motion in (gait, driven)
+        )
+        assert one == pytest.approx(other, rel=1e-11), objective.name
+        assert one > 0
+    table = TabulatedMotion((0.0, 1.0), (0.0, 1.0), np.zeros((2, 2)), np.ones((2, 2)))
+    for objective in (curvature, undulation_power, clearance):
+        with pytest.raises(ValueError, match="gait = TabulatedMotion has no cycle"):
+            objective(Glider(Snake.from_svl(), table))
+
+
+def test_distance_and_margin_are_those_to_the_ends_that_were_given():
+    """A ground at 4 m, 60 degrees of pitch: the same as 6 m lower with that limit."""
+    ends = Ground(4.0), AngleLimit.degrees(60.0, ("pitch",))
+    raised = ended(Outcome.UNSTABLE_PITCH, 7.0, largest=(80.0, 60.0, 80.0), ends=ends)
+    assert float(raised.height_left) == 3.0
+    assert float(sink_rate.function(raised)) == pytest.approx(
+        6.0 / (2.0 + float(raised.drop_time))
+    )
+    assert float(stability_margin.function(raised)) == pytest.approx(-60 * 3 / 6)
+    both = Ground(), AngleLimit.degrees(60.0, ("pitch",)), AngleLimit.degrees(85.0, ("roll",))
+    margin = float(stability_margin.function(ended(Outcome.LANDED, 0.0, ends=both)))
+    assert margin == pytest.approx(60 - 30, abs=1e-3)
+    for ends, message in (
+        ((AngleLimit(), TimeLimit(2.0)), "ends hold no Ground"),
+        ((Ground(), TimeLimit(2.0)), "ends hold no AngleLimit"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            stability_margin.function(ended(Outcome.LANDED, 0.0, ends=ends))
+
+
+def test_anything_can_be_varied():
+    """Multiples of a motion's own float, and of the limit of an end."""
+    glider = Glider(Snake.from_svl(), Driven(Serpenoid(), Running(Gait.from_degrees())))
+    halved, whole = (
+        varied(curvature, {"inputs[0]": [f], "inputs[1]": [f], "inputs[3]": [f]})(glider)
+        for f in (0.5, 1.0)
+    )
+    assert float(whole) == pytest.approx(float(curvature(glider)), rel=1e-12)
+    assert 0.45 * float(whole) < float(halved) < 0.55 * float(whole)
+    limit = Objective("limit", "deg", lambda trial: jnp.rad2deg(trial.limits[0].limit))
+    assert float(varied(limit, {"limit": [0.5, 1.0]})(glider)) == pytest.approx(0.75 * 85)
+
+
 def test_algebra_of_objectives():
     trial = ended(Outcome.LANDED, 0.0)
     total = landing_distance - 0.5 * sink_rate
@@ -183,8 +245,8 @@ def test_gradients_of_flown_objectives_against_differences():
     flown = [OBJECTIVES[n] for n in OBJECTIVES if n != "squared_pitch_moment"]
 
     def values(x):
-        case = {"theta_m": x[0], "d_psi": x[1], "height": 2.0}
-        return (evaluate(flown, *build(case, SETUP), step=2e-3),) * 2
+        case = BASE.replace({"theta_m": x[0], "d_psi": x[1], "height": 2.0})
+        return (evaluate(flown, case.glider, case.launch, step=2e-3),) * 2
 
     both = jax.jit(jax.jacfwd(values, has_aux=True))
     here = jnp.array([96.5, 10.0])
@@ -204,8 +266,8 @@ def test_varied_objectives_are_means_and_worst_values():
 
     @jax.jit
     def both(lift, mass):
-        glider, launch = build({**case, "lift_scale": lift, "mass": mass, "speed": 2.0}, SETUP)
-        trial = Trial(glider, launch)
+        changed = BASE.replace({**case, "lift_scale": lift, "mass": mass, "speed": 2.0})
+        trial = Trial(changed.glider, changed.launch)
         mean = varied(landing_distance, factors).function(trial)
         worst = varied(sink_rate, factors, "worst").function(trial)
         return mean, worst, landing_distance.function(trial), sink_rate.function(trial)
@@ -223,7 +285,14 @@ def test_varied_objectives_are_means_and_worst_values():
     [
         (lambda: landing_distance.at_least(np.nan), "bound of landing_distance = nan m"),
         (lambda: landing_distance.at_least(1, scale=0), "scale of landing_distance = 0"),
-        (lambda: varied(path_length, {"height": [1.0]}), "factors = 'height' is not one of"),
+        (
+            lambda: varied(path_length, {"wings": [1.0]})(glider_of()),
+            "there is no parameter 'wings'",
+        ),
+        (
+            lambda: varied(path_length, {"phi_theta": [1.0]})(glider_of()),
+            "phi_theta is left out: there is nothing to multiply",
+        ),
         (lambda: varied(path_length, {"mass": [0.0]}), "factors of mass = 0"),
         (lambda: varied(path_length, {"mass": [1.0], "speed": [1, 1]}), "one length"),
         (lambda: varied(path_length, {"mass": [1.0]}, "best"), "how = 'best' is not one of"),

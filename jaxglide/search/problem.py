@@ -15,6 +15,7 @@ import numpy as np
 from .._lib.checks import check_kind, check_range, warn_float32
 from .._lib.parameters import GRADIENT_SETUP as SETUP
 from .._lib.parameters import SEARCH_TOLERANCE
+from .._lib.records import encode
 from .._lib.types import Array, Float, Scalar
 from ..ensemble.base import check_setup, published_case
 from ..ensemble.cases import as_number
@@ -270,23 +271,11 @@ class Problem:
             "constraints": [f"{c} (scale {plain(c.scale)})" for c in self.constraints],
             "fixed": dict(self.fixed or {}),
             "setup": dict(self.setup or {}),
-            "case": _record(self.base),
+            "case": encode(self.base),
             "rtol": self.rtol,
             "atol": self.atol,
             "max_time": self.max_time,
         }
-
-
-def _record(case: Case) -> dict[str, Any]:
-    """Every float of a case by path, in the unit people read; of an array, its digest."""
-    found = {}
-    for path in case.parameters:
-        value = case.value(path)
-        if np.ndim(value):
-            found[path] = hashlib.sha256(np.asarray(value).tobytes()).hexdigest()[:16]
-        else:
-            found[path] = None if value is None else float(value)
-    return {"follow": list(case.follow), **found}
 
 
 def fingerprint(function: Callable, *arguments) -> str:

@@ -24,10 +24,11 @@ from .._lib.checks import (
 )
 from .._lib.fields import recheck
 from .._lib.modes import either_mode
+from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Integer, Scalar, Vec3
 from ..body.sections import Sections, discretise
 from ..flight.dynamics import VELOCITY, Glider, check_glider
-from ..flight.ends import Ground, Outcome
+from ..flight.ends import TURNS, Ground, Outcome
 from ..flight.launch import Launch, launch_velocity, published_speed
 from ..flight.solve import settings_of, solve
 from ..loads.inertia import over_nodes
@@ -53,7 +54,7 @@ _IN_PLANE = np.array([0.0, 1.0, 1.0])  # x is left out
 _PLANE = np.array([1, 2, 4, 5])  # y, z, v_y, v_z of position and velocity
 
 
-class Fall(eqx.Module):
+class Fall(eqx.Module, Reported):
     """A held glide: the fall of a body that does not turn.
 
     Attributes:
@@ -75,6 +76,30 @@ class Fall(eqx.Module):
     state: Float[Array, "4"]
     interval: Scalar
     states: Float[Array, "S 4"]
+
+    def report(self) -> Report:
+        if self.time.ndim:
+            landed = np.asarray(self.outcome) == Outcome.LANDED
+            rows = ((str(Outcome.LANDED), f"  {landed.sum()}"),)
+            return Report(f"{landed.size} held glides", rows)
+        y, z, v_y, v_z = map(float, self.state)
+        slope = math.degrees(math.atan2(-v_z, v_y))
+        turns = "   ".join(
+            f"{name} {math.degrees(float(angle)):.3f}"
+            for name, angle in zip(TURNS, self.angles, strict=True)
+        )
+        return Report(
+            f"Held glide from {float(self.launch.height):g} m: {Outcome(int(self.outcome))} "
+            f"after {float(self.time):.4f} s",
+            (
+                ("held", f"{turns} deg"),
+                ("end", f"y {y:.4f}   z {z:.4f} m"),
+                (
+                    "velocity",
+                    f"v_y {v_y:.4f}   v_z {v_z:.4f} m/s, {slope:.2f} deg below the horizontal",
+                ),
+            ),
+        )
 
     @property
     def times(self) -> Float[Array, " S"]:

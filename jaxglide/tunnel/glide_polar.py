@@ -4,8 +4,6 @@ Lift and drag against angle of attack, and the velocity polar diagram with its e
 (Yeaton, Socha and Ross, "Global dynamics of non-equilibrium gliding in animals", 2017).
 """
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,14 +11,15 @@ import numpy as np
 import optimistix as optx
 
 from .._lib.checks import check_integer, check_range, check_shape, number
+from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Scalar
 from ..body.sections import discretise, wing_area
 from ..flight.dynamics import Glider, check_glider
 from .fall import FORCE_PHASES, Tunnel, mean_acceleration
-from .loads import MOMENT_PHASES, PHASES, check_angles
+from .loads import MOMENT_PHASES, PHASES, check_angles, several
 
 
-class BodyPolar(NamedTuple):
+class BodyPolar(eqx.Module, Reported):
     """Force on the whole undulating body against its angle of attack, each (A,).
 
     Attributes:
@@ -36,6 +35,16 @@ class BodyPolar(NamedTuple):
     lift_coefficient: Float[Array, " A"]
     drag_coefficient: Float[Array, " A"]
     lift_to_drag: Float[Array, " A"]
+
+    def report(self) -> Report:
+        if self.lift.ndim != 1:
+            return several("polars", self.lift[..., 0])
+        heads = ("lift N", "drag N", "C_L", "C_D", "L/D")
+        rows = [("angle of attack", "".join(f"{head:>10}" for head in heads))]
+        for alpha, *values in zip(*(np.asarray(x) for x in vars(self).values()), strict=True):
+            cells = "".join(f"{value:10.4f}" for value in values)
+            rows.append((f"{np.rad2deg(alpha):.1f} deg", cells))
+        return Report("Polar of the whole body, level and undulating", tuple(rows))
 
 
 @eqx.filter_jit
@@ -115,7 +124,7 @@ def velocity_polar(
     return _field(glider, v_y, v_z, angles, phases)
 
 
-class Equilibrium(NamedTuple):
+class Equilibrium(eqx.Module, Reported):
     """Steady glide of a body whose attitude is held.
 
     Attributes:
@@ -129,6 +138,19 @@ class Equilibrium(NamedTuple):
     glide_angle: Scalar
     found: Array
     stable: Array
+
+    def report(self) -> Report:
+        if np.ndim(self.glide_angle):
+            return several("steady glides", self.glide_angle, self.found)
+        if not bool(self.found):
+            return Report("Steady glide: none found")
+        v_y, v_z = map(float, self.velocity)
+        kind = "stable" if bool(self.stable) else "unstable"
+        angle = float(np.rad2deg(self.glide_angle))
+        return Report(
+            f"Steady glide: {angle:.2f} deg below the horizontal, {kind} in speed",
+            (("velocity", f"v_y {v_y:.4f}   v_z {v_z:.4f} m/s"),),
+        )
 
 
 @eqx.filter_jit

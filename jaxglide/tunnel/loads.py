@@ -4,6 +4,7 @@ The paper's rotationally invariant model (figures 5 and 6). Body axes are x (pit
 and z (yaw); with all angles 0 they are the inertial axes.
 """
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 from .._lib.checks import check_integer, check_range, check_shape, number
 from .._lib.numerics import cross
 from .._lib.parameters import TUNNEL
+from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Vec3
 from ..body.sections import discretise
 from ..flight.dynamics import (
@@ -53,7 +55,7 @@ def held_elements(glider, sections, velocity, angles, time, phase) -> Elements:
     return elements(time, with_own_states(time, rigid.at[ANGLES].set(angles), flight), flight)
 
 
-class Loads(eqx.Module):
+class Loads(eqx.Module, Reported):
     """Forces and moments by phase in body axes, of the whole body or of each element.
 
     Leading dimensions `...` are those of times or cases; per element there is a trailing
@@ -68,6 +70,21 @@ class Loads(eqx.Module):
     force: Float[Array, "..."]
     aerodynamic: Float[Array, "..."]
     inertial: Float[Array, "..."]
+
+    def report(self) -> Report:
+        if self.force.ndim != 2:
+            return Report(f"Loads of shape {self.force.shape[:-1]}")
+        air, shape = over_phases(self.aerodynamic), over_phases(self.inertial)
+        table = [*air, shape.peak_to_peak, self.inertial_ratio]
+        rows = []
+        for turn, axis in (("pitch", PITCH), ("roll", ROLL), ("yaw", YAW)):
+            numbers = [1e3 * float(one[axis]) for one in table[:-1]]
+            cells = "".join(f"{one:9.4f}" for one in numbers[:-1]) + f"{numbers[-1]:14.4f}"
+            ratio = float(table[-1][axis])
+            rows.append((turn, cells + (f"{'-':>8}" if math.isnan(ratio) else f"{ratio:8.2f}")))
+        heads = "".join(f"{head:>9}" for head in ("mean", "lowest", "highest", "p-p"))
+        title = f"Moments over {len(self.force)} phases (N mm)"
+        return Report(title, (("", f"{heads}{'inertial p-p':>14}{'ratio':>8}"), *rows))
 
     @property
     def inertial_ratio(self) -> Float[Array, "... 3"]:
@@ -97,6 +114,12 @@ def over_phases(values: Float[Array, "... P 3"]) -> OverPhases:
     """Mean, extremes and peak-to-peak of (..., P, 3) over its phases."""
     lowest, highest = values.min(-2), values.max(-2)
     return OverPhases(values.mean(-2), lowest, highest, highest - lowest)
+
+
+def several(what: str, values: Array, found: Array | None = None) -> Report:
+    """Report of a batch: how many, and how many of them were found."""
+    rows = () if found is None else (("found", f"{int(found.sum())}"),)
+    return Report(f"{values.size} {what}", rows)
 
 
 def by_phase(glider, sections, velocity, angles, time, phases, per_element=False) -> Loads:

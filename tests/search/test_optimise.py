@@ -4,14 +4,16 @@ import json
 import math
 import warnings
 
+import equinox as eqx
 import jax
 import numpy as np
 import optax
 import pytest
 import xarray as xr
 
+from jaxglide import AbstractEnd, Case, Gait, Glider, Launch, Polar, Snake
 from jaxglide.search.ascent import Best
-from jaxglide.search.objectives import landing_distance, stability_margin
+from jaxglide.search.objectives import Objective, landing_distance, stability_margin
 from jaxglide.search.optimise import Status, optimise, verify
 from jaxglide.search.polish import sample_uphill, summits
 from jaxglide.search.problem import Evaluation, Evaluator, Problem
@@ -435,6 +437,93 @@ def test_the_best_elevation_of_a_throw(thrown, evaluator):
     assert poor.nearby == pytest.approx(flown(poor.at[0])[0], rel=1e-8)
 
 
+class Wall(AbstractEnd):
+    """A part from outside that describes none of its floats: a wall across the path."""
+
+    place: float = 1.5  # m
+
+    @property
+    def words(self):
+        return ("hit the wall",)
+
+    def __call__(self, time, state):
+        return self.place - state[1:2]
+
+
+SPEED = 6.0
+TRACED = []
+
+
+def at_the_wall(trial):
+    TRACED.append(trial)
+    return trial.glide.state[2]
+
+
+@pytest.fixture(scope="module")
+def thrown_at_a_wall():
+    """Problem by bounds of elevation and place, and by height: how high it hits the wall."""
+    objective = Objective("height at the wall", "m", at_the_wall)
+    glider = Glider(
+        Snake.from_svl(nodes=12, node_set="gauss"), Gait.from_degrees(), Polar.smooth(0.0, 0.0)
+    )
+    case = Case(glider, Launch(2.0, SPEED), Wall())
+
+    def make(**fixed):
+        free = {"launch.elevation": (0.0, 80.0), "place": (1.0, 2.0)}
+        return Problem(objective, free, fixed=fixed, case=case)
+
+    return make
+
+
+def hit(degrees, place, height=2.0):
+    """Closed form of the height [m] at the wall, and its slopes by elevation and place."""
+    a, g = np.deg2rad(degrees), 9.81
+    drop = g * place**2 / (2 * (SPEED * np.cos(a)) ** 2)
+    turn = place / np.cos(a) ** 2 - 2 * drop * np.tan(a)
+    return height + place * np.tan(a) - drop, np.stack(
+        [np.deg2rad(turn), np.tan(a) - 2 * drop / place], axis=-1
+    )
+
+
+def test_a_float_of_a_part_of_ones_own_is_searched_over(thrown_at_a_wall):
+    """Highest where tan(elevation) = v^2/(g place), and at the nearest place."""
+    problem = thrown_at_a_wall()
+    evaluate = Evaluator(problem)
+    points = np.array([[10.0, 1.2], [40.0, 1.5], [60.0, 1.9]])
+    found = evaluate(points)
+    value, slopes = hit(*points.T)
+    np.testing.assert_allclose(found.values[:, 0], value, rtol=1e-8)
+    np.testing.assert_allclose(found.gradients[:, 0], slopes, rtol=1e-6, atol=1e-9)
+    best = optimise(problem, starts=4, steps=60, evaluator=evaluate)
+    highest = math.degrees(math.atan(SPEED**2 / 9.81))
+    assert best.best["place"] == pytest.approx(1.0, abs=1e-3)
+    assert best.best["launch.elevation"] == pytest.approx(highest, abs=0.5)
+    assert best.value == pytest.approx(hit(highest, 1.0)[0], rel=1e-5)
+    assert "place" in str(best)
+    case = problem.at(best.best)
+    assert float(case.ends[0].place) == best.best["place"]
+    assert best.history.attrs["problem"].count("test_optimise.Wall") == 1
+
+
+def test_other_fixed_values_and_another_base_compile_nothing(thrown_at_a_wall):
+    points = np.array([[10.0, 1.2], [40.0, 1.5], [60.0, 1.9]])
+    one = thrown_at_a_wall(height=2.0, speed=SPEED)
+    Evaluator(one)(points)
+    count = len(TRACED)
+    two = thrown_at_a_wall(height=3.0, speed=SPEED)
+    found = Evaluator(two)(points)
+    np.testing.assert_allclose(found.values[:, 0], hit(*points.T, 3.0)[0], rtol=1e-8)
+    heavy = eqx.tree_at(lambda c: c.glider.gravity, one.case, np.float64(0.0))
+    three = Problem(one.objective, one.free, fixed=one.fixed, case=heavy)
+    straight = 2.0 + points[:, 1] * np.tan(np.deg2rad(points[:, 0]))
+    np.testing.assert_allclose(Evaluator(three)(points).values[:, 0], straight, rtol=1e-8)
+    assert len(TRACED) == count
+    assert one != two
+    assert one != three
+    texts = [json.dumps(p.describe()) for p in (one, two, three)]
+    assert len(set(texts)) == 3
+
+
 def test_float32_is_said_once_by_a_search_and_by_what_it_is_made_of(monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
@@ -491,6 +580,10 @@ def test_points_that_cannot_be_evaluated_are_named():
         (({"theta_m": ("80", "x")},), "theta_m = .* is not a number"),
         ((("theta_m", "theta_m"),), "theta_m is named twice"),
         (("speed",), "give bounds of 'speed'"),
+        (("launch.speed",), "give bounds of 'launch.speed': ranges observed are of theta_m,"),
+        ((("theta_m", "gait.theta_m"),), "name one float twice"),
+        ((FREE, (), {"gait.theta_m": 90.0}), "gait.theta_m is both free and fixed"),
+        (({"cells": (0, 1)},), r"cells is an array of shape .*: name a number in it"),
         ((FREE, [landing_distance]), "is not a Constraint"),
         ((FREE, (), {"height": [1, 2]}), r"height = \[1, 2\] is not one number"),
         ((FREE, (), {"height": "low"}), "height = 'low' is not a number"),
@@ -501,6 +594,10 @@ def test_bad_problems_are_named(arguments, message):
         Problem(landing_distance, *arguments)
     with pytest.raises(TypeError, match="is not an Objective"):
         Problem(len, FREE)
+    with pytest.raises(TypeError, match="case must be of type Case, not Glider"):
+        Problem(landing_distance, FREE, case=problem_of().case.glider)
+    with pytest.raises(ValueError, match=r"setup = .* is the published snake's"):
+        Problem(landing_distance, FREE, case=problem_of().case, setup={"nodes": 20})
 
 
 def test_problems_are_equal_that_ask_the_same():

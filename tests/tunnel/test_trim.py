@@ -126,7 +126,10 @@ def test_stiffness_and_effectiveness_against_differences():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("roll",), "parameter = 'roll' is not one of theta_m"),
+        (("bend",), "there is no parameter 'bend': known are svl"),
+        (("ends[1].limit", (0.1, 0.2)), "there is no parameter"),
+        (("chord", (0.1, 0.2)), r"chord is an array of shape \(3,\): name a number in it"),
+        (("speed", (-1.0, 2.0)), "speed = -1 m/s"),
         (("theta_m",), "bounds of theta_m must be given"),
         (("d_psi", (0.3, -0.3)), "are not lowest and highest"),
         (("d_psi", (0.0, 9.0)), "d_psi = 9 rad"),

@@ -106,7 +106,7 @@ class Glide(AbstractTrajectory):
         )
 
 
-def _fly(glider: Glider, launch: Launch, *, settings, adjoint) -> tuple[TakeOff, Solved]:
+def _fly(glider: Glider, launch: Launch, settings, *, adjoint) -> tuple[TakeOff, Solved]:
     """Launch, integrate, classify. Pure; nothing raises here."""
     sections = discretise(glider.body)
     start = take_off(glider, launch, sections, adjoint)
@@ -121,10 +121,10 @@ _fly_either_mode = either_mode(_fly)
 @eqx.filter_jit
 def _simulate(glider, launch, settings: Settings, adjoint) -> Glide:
     if adjoint is None and not settings.dense:
-        start, solved = _fly_either_mode(glider, launch, settings=settings)
+        start, solved = _fly_either_mode(glider, launch, settings)
     else:
         adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
-        start, solved = _fly(glider, launch, settings=settings, adjoint=adjoint)
+        start, solved = _fly(glider, launch, settings, adjoint=adjoint)
     return Glide(
         glider=glider, launch=launch, settings=settings, take_off=start, **vars(solved)
     )

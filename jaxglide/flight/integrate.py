@@ -45,7 +45,7 @@ def with_room(solved: Callable[[Settings], Any], settings: Settings) -> Any:
         room *= 8
 
 
-def _flown(glider, state, t0, phase, *, settings: Settings, adjoint) -> tuple[Any, Solved]:
+def _flown(glider, state, t0, phase, settings: Settings, *, adjoint) -> tuple[Any, Solved]:
     flight = Flight(glider, discretise(glider.body), phase)
     if state.shape[0] == RIGID:
         state = with_own_states(t0, state, flight)
@@ -58,10 +58,10 @@ _flown_either_mode = either_mode(_flown)
 @eqx.filter_jit
 def _integrate(glider, state, t0, phase, settings: Settings, adjoint) -> Trajectory:
     if adjoint is None and not settings.dense:
-        start, solved = _flown_either_mode(glider, state, t0, phase, settings=settings)
+        start, solved = _flown_either_mode(glider, state, t0, phase, settings)
     else:
         adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
-        start, solved = _flown(glider, state, t0, phase, settings=settings, adjoint=adjoint)
+        start, solved = _flown(glider, state, t0, phase, settings, adjoint=adjoint)
     return Trajectory(
         glider=glider,
         settings=settings,

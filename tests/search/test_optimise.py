@@ -487,7 +487,7 @@ def hit(degrees, place, height=2.0):
 
 def test_a_float_of_a_part_of_ones_own_is_searched_over(thrown_at_a_wall):
     """Highest where tan(elevation) = v^2/(g place), and at the nearest place."""
-    problem = thrown_at_a_wall()
+    problem = thrown_at_a_wall(height=2.0, speed=SPEED)
     evaluate = Evaluator(problem)
     points = np.array([[10.0, 1.2], [40.0, 1.5], [60.0, 1.9]])
     found = evaluate(points)

@@ -4,7 +4,7 @@ import math
 import sys
 from typing import Any
 
-from .._lib.parameters import GRADIENT_SETUP, PARAMETERS
+from .._lib.parameters import GRADIENT_SETUP
 from ._options import (
     add_objective,
     add_output,
@@ -33,23 +33,19 @@ def add(commands) -> None:
     parser.set_defaults(run=_run)
 
 
-def _point(names: list[str], fixed: dict[str, float]) -> dict[str, float]:
+def _point(names: list[str], base) -> dict[str, float]:
     """Where the gradient is taken: the values of the free parameters by name, checked."""
-    from ..ensemble.cases import check_parameters, full_case
-
-    case = full_case(fixed)
-    for name in names:
-        if name in PARAMETERS and case[name] is None:
+    point: dict[str, Any] = {name: base.value(name) for name in names}
+    for name, value in point.items():
+        if value is None:
             raise ValueError(f"{name} follows from other parameters: give its value too")
-    point: dict[str, Any] = {name: case.get(name) for name in names}
-    check_parameters(point)
-    return point
+    base.check(point)
+    return {name: float(value) for name, value in point.items()}
 
 
-def _stencil(name: str, value: float) -> tuple[float, tuple[int, ...], tuple[float, ...]]:
-    """Step, places in steps, and weights of differences of fourth order about a value; on one
-    side of it where the parameter's range ends on the other."""
-    p = PARAMETERS[name]
+def _stencil(p, value: float) -> tuple[float, tuple[int, ...], tuple[float, ...]]:
+    """Step, places in steps, and weights of differences of fourth order about a value of a
+    `Parameter`; on one side of it where its range ends on the other."""
     step = 1e-4 * max(abs(value), min(0.1, p.default or 0.1))
     if value - 2 * step <= p.low:
         return step, (0, 1, 2, 3, 4), _ONE_SIDED
@@ -62,12 +58,15 @@ def _found(args) -> tuple[float, dict[str, dict[str, Any]]]:
     """The value of the objective, and the rows of the table by name."""
     import numpy as np
 
+    from ..ensemble.base import published_case
     from ..search.objectives import OBJECTIVES
     from ..search.problem import Evaluator, Problem
 
-    fixed = fixed_of(args)
-    at = _point(free_of(args), fixed)
-    stencils = {name: _stencil(name, value) for name, value in at.items()}
+    fixed, base = fixed_of(args), published_case(setup_of(args))
+    base.check(fixed)
+    at = _point(free_of(args), base.replace(fixed))
+    about = {name: base.parameter(name) for name in at}
+    stencils = {name: _stencil(about[name], value) for name, value in at.items()}
     free = {
         name: (at[name] + step * min(0, *places), at[name] + step * max(0, *places))
         for name, (step, places, _) in stencils.items()
@@ -90,7 +89,7 @@ def _found(args) -> tuple[float, dict[str, dict[str, Any]]]:
             "at": float(at[name]),
             "gradient": float(found.gradients[0, 0, k]),
             "difference": float(np.dot(weights, values) / step),
-            "unit": PARAMETERS[name].unit or "1",
+            "unit": about[name].unit or "1",
         }
     return float(found.values[0, 0]), rows
 

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from .._lib.parameters import GRADIENT_SETUP, OBSERVED, PARAMETERS, SEARCH_TOLERANCE
+from .._lib.parameters import GRADIENT_SETUP, SEARCH_TOLERANCE
 from ._options import (
     UsageError,
     add_objective,
@@ -85,14 +85,19 @@ def _bounds(args) -> dict[str, tuple[float, float]]:
             raise UsageError(f"{text!r} is not NAME=LOW:HIGH") from None
         return name, (low, high)
 
+    from ..ensemble.base import published_case
+
     given, names = by_name("--bounds", map(named, args.bounds)), free_of(args)
     for name in given:
         if name not in names:
             raise UsageError(f"--bounds {name}: it is not free")
+    case, bounds = published_case(), {}
     for name in names:
-        if name not in given and name not in OBSERVED:
+        found = given.get(name, case.parameter(name).observed)
+        if found is None:
             raise UsageError(f"give --bounds of {name}")
-    return {name: given.get(name, OBSERVED.get(name, (0.0, 0.0))) for name in names}
+        bounds[name] = found
+    return bounds
 
 
 def _guesses(args) -> list[dict[str, float]]:
@@ -124,11 +129,10 @@ def _constraints(args):
 
 def _fly(problem, case):
     """The glide of a case with its trajectory, solved as the problem says."""
-    from ..ensemble.cases import build
     from ..flight.glide import simulate
 
     options = {"rtol": problem.rtol, "atol": problem.atol, "max_time": problem.max_time}
-    return simulate(*build(case, problem.setup), **options, dense=True)
+    return simulate(case.glider, case.launch, ends=case.ends, **options, dense=True)
 
 
 def _draw(args, problem, found, best) -> None:
@@ -143,7 +147,7 @@ def _draw(args, problem, found, best) -> None:
         print("jaxglide: no picture of the best glide: there is none", file=sys.stderr)
         return
     fixed = {name: x for name, x in problem.fixed.items() if name in ("height", "speed")}
-    usual = _fly(problem, fixed)
+    usual = _fly(problem, problem.base.replace(fixed))
     write_drawing(glides, before_and_after(usual, best, ("published", "best")), args)
 
 
@@ -163,28 +167,6 @@ def _problem(args):
     )
 
 
-def _table(args, found) -> None:
-    """Print the best starts and the best of all."""
-    import numpy as np
-
-    from ..search.ascent import FEASIBLE
-    from ..search.objectives import OBJECTIVES
-    from ..search.optimise import Status
-
-    names, sense = found.problem.names, OBJECTIVES[args.objective].sense
-    unmet = found.history.best_violation.values > FEASIBLE
-    unit = OBJECTIVES[args.objective].unit
-    heads = [f"{args.objective} ({unit})" if unit else args.objective]
-    heads += [f"{n} ({PARAMETERS[n].unit})" if PARAMETERS[n].unit else n for n in names]
-    print("  ".join(f"{head:>18}" for head in (*heads, "start")))
-    for k in np.lexsort((-found.values, unmet))[:10]:
-        if np.isfinite(found.values[k]):
-            cells = (sense * found.values[k], *found.points[k])
-            row = "  ".join(f"{value:18.4f}" for value in cells)
-            print(f"{row}  {Status(int(found.status[k]))!s:>18}")
-    print(found)
-
-
 def _plain(args, found, sense: int) -> dict[str, Any]:
     """What was found as one JSON object."""
     from ..search.optimise import Status
@@ -200,22 +182,6 @@ def _plain(args, found, sense: int) -> dict[str, Any]:
         "not_finite": found.skipped,
         "status": {str(s): int((found.status == s).sum()) for s in Status},
     }
-
-
-def _checked(args, found, checked, beyond, sense: int) -> None:
-    """Print what a finer solution and other gaits nearby say."""
-    from ..search.objectives import OBJECTIVES
-
-    if beyond.either > 0:
-        print(f"  note: {beyond}")
-    unit = OBJECTIVES[args.objective].unit
-    print(f"  at 1e-9 {sense * checked.value:.6g} {unit};".replace(" ;", ";"), end=" ")
-    if math.isnan(checked.gain):
-        print(f"none of {checked.samples} gaits nearby meets the constraints")
-    else:
-        print(
-            f"of {checked.samples} gaits nearby the best is {100 * checked.gain:+.3f} % better"
-        )
 
 
 def _run(args) -> int:
@@ -243,10 +209,10 @@ def _run(args) -> int:
     if args.log is not None:
         announce(args.log, args)
     if not args.json:
-        _table(args, found)
+        print(found)
     checked = best = beyond = None
     if found.feasible:
-        best = _fly(problem, {**(problem.fixed or {}), **found.best})
+        best = _fly(problem, problem.at(found.best))
         checked, beyond = verify(problem, found.best, screener=screener), extrapolation(best)
     if args.plot is not None:
         _draw(args, problem, found, best)
@@ -258,7 +224,8 @@ def _run(args) -> int:
             result["beyond_measured"] = beyond._asdict()
         print_json(result)
         return int(not found.feasible)
-    if checked is not None:
-        _checked(args, found, checked, beyond, sense)
-    print(f"  {found.evaluations} gradients, {found.skipped} not finite")
+    if checked is not None and beyond is not None:
+        print(checked)
+        if beyond.either > 0:
+            print(f"  note: {beyond}")
     return int(not found.feasible)

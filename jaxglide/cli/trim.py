@@ -85,17 +85,6 @@ def _run(args) -> int:
     }
     if args.json:
         print_json(result)
-        return missing(result) or int(not found.found)
-    print(f"{name + ' (' + (unit or '1') + ')':>20}  mean pitch moment (N mm)")
-    for at, moment in zip(scanned, moments, strict=True):
-        print(f"{at:20.3f}  {moment:+.4f}")
-    if missing(result):
-        return 1
-    if not found.found:
-        print(f"no trim: the moment does not change sign between {low:g} and {high:g} {unit}")
-        return 1
-    left = 1e3 * float(found.moment)
-    print(f"trim at {name} = {value:.6f} {unit}, where {left:+.1e} N mm are left")
-    if found.crossings > 1:
-        print(f"the moment changes sign {int(found.crossings)} times: this is the lowest")
-    return 0
+    else:
+        print(found)
+    return missing(result) or int(not found.found)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from .._lib.parameters import PARAMETERS
+from ..ensemble.base import published_case
 from ..flight.ends import Outcome
 from ..search.ascent import FEASIBLE
 from ._labels import SYMBOLS, parameter_label, plain, shown, with_unit
@@ -289,7 +289,8 @@ def sensitivity_map(data: xr.Dataset) -> Figure:
         norm = TwoSlopeNorm(0.0, -max(most, 1e-12), max(most, 1e-12))
         look = {**_MAP, "cmap": "RdBu_r", "norm": norm}
         mesh = ax.pcolormesh(_edges(x), _edges(y), slope, **look)
-        unit = {"deg/SVL": "°"}.get(PARAMETERS[name].unit, PARAMETERS[name].unit)
+        unit = published_case().parameter(name).unit
+        unit = {"deg/SVL": "°"}.get(unit, unit)
         label = f"slope with {SYMBOLS.get(name, name)} (m per {unit or 'unit'})"
         bar = figure.colorbar(mesh, ax=ax, label=label, location="top", extend="both")
         bar.outline.set_visible(False)  # type: ignore

@@ -3,7 +3,6 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from .._lib.parameters import PARAMETERS
 from ..tunnel.trim import Trim
 from ._labels import parameter_label, shown
 from ._style import FAINT, HEAD, YAW, new_axes, style
@@ -16,7 +15,7 @@ def trim_curve(trim: Trim, ax: Axes | None = None) -> Axes:
         trim: a result of `trim.trim`.
         ax: axes to draw on; by default new ones of one column's width.
     """
-    unit = PARAMETERS[trim.parameter].unit
+    unit = trim.unit
     factor = 180 / np.pi if unit.startswith("deg") else 1.0
     with style():
         ax = new_axes(55.0) if ax is None else ax

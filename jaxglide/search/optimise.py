@@ -74,8 +74,25 @@ class Optimum(Reported):
             near = min(value - low, high - value) < 1e-3 * (high - low)
             text = f"{value:.6g} {base.parameter(name).unit}".rstrip()
             rows.append((name, text + (" (at its bound)" if near else "")))
+        ended = [(str(s), int((self.status == s).sum())) for s in Status]
+        rows.append(("starts", ", ".join(f"{count} {s}" for s, count in ended if count)))
+        rows.append(("gradients", f"{self.evaluations}, {self.skipped} not finite"))
+        rows.extend(self._starts())
         title = _said(self.problem, self.value)
         return Report(title, tuple(rows), (*notes, self.reason))
+
+    def _starts(self) -> list[tuple[str, str]]:
+        """Rows of the ten best starts."""
+        unmet = self.history["best_violation"].values > FEASIBLE
+        rows = []
+        for k in np.lexsort((-self.values, unmet))[:10]:
+            if not np.isfinite(self.values[k]):
+                continue
+            place = zip(self.best, self.points[k], strict=True)
+            where = ", ".join(f"{name} {value:.5g}" for name, value in place)
+            status = Status(int(self.status[k]))
+            rows.append((f"  start {k}", f"{self.values[k]:.6g} at {where}: {status}"))
+        return rows
 
 
 def _said(problem: Problem, value: float) -> str:

@@ -72,6 +72,7 @@ _ROOMS = {
         "six_degrees_of_freedom",
         "take_off",
     ),
+    "files": ("open", "save"),
     "tunnel": ("equilibrium", "fall", "loads_at_end", "trim"),
 }
 __all__ = sorted(name for names in _ROOMS.values() for name in names)

@@ -17,7 +17,9 @@ _IN_FILES = {  # name in files, and what the long name adds
     "deg": ("degree", ""),
     "deg/SVL": ("degree", ", per SVL"),
     "1/SVL": ("1", ", per SVL"),
+    "of SVL": ("1", ", over SVL"),
     "chords": ("1", ", in chords"),
+    "half chords": ("1", ", in half chords"),
     "mixed": ("1", ", in mixed units"),
 }
 

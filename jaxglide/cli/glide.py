@@ -43,7 +43,7 @@ def _run(args) -> int:
     outcome = Outcome(int(glide.outcome))
 
     def data():
-        from ..ensemble.records import glide_dataset
+        from ..files.glides import glide_dataset
 
         return glide_dataset(glide)
 

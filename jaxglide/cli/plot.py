@@ -48,10 +48,10 @@ def _run(args) -> int:
     writable(out)
     at = _where(args.at)
 
-    from ..files.saved import open_result
+    from ..files.saved import open_dataset
     from ..plot.saved import draw
 
-    data = open_result(args.file)
+    data = open_dataset(args.file)
     try:
         drawing = draw(data, args.variable, x=args.x, y=args.y, at=at)
     except ValueError as error:

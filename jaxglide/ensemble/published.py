@@ -7,6 +7,7 @@ flying snakes", Nature Physics 16, 974-982 (2020), doi:10.1038/s41567-020-0935-4
 import numpy as np
 import xarray as xr
 
+from .._lib.formats import marked
 from .._lib.parameters import TOLERANCE
 from ..flight.ends import Outcome
 from ..shape.gait import shape_line
@@ -78,7 +79,8 @@ def shape_space(
         coordinate and angles in degrees.
     """
     data = sweep(shape_study(height, rtol=rtol, atol=atol), **options)
-    return data.assign_coords(region=(("theta_m", "nu_theta"), regions()))
+    regional = data.assign_coords(region=(("theta_m", "nu_theta"), regions()))
+    return marked(regional, "shape space")
 
 
 def _mean(values: xr.DataArray, region: str) -> float:

@@ -172,4 +172,4 @@ def _dataset(study: Study, values, times, phases, options) -> xr.Dataset:
         variables[name] = ((*dims, *trailing), shaped, labelled(unit, long_name))
     record = {"study": study.to_json(), **study.setup}
     record |= {"rtol": study.rtol, "atol": study.atol}
-    return stamp(xr.Dataset(variables, coords=coordinates), record)
+    return stamp(xr.Dataset(variables, coords=coordinates), record, "held glides")

@@ -1,1 +1,89 @@
-"""Saved results, opened again; nothing here loads Matplotlib."""
+"""Every kind of result, saved and opened again; nothing here loads Matplotlib.
+
+`open` makes of a file what was saved in it. A file is data alone: it runs no code, names no
+module to import, and takes no more memory than there is.
+"""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from .._lib.formats import kind_of
+from .._lib.records import OwnPartError
+from .._lib.writing import write_netcdf
+from ..ensemble.study import Study
+from ..flight.trajectory import AbstractTrajectory
+from .glides import glide_dataset
+from .logs import log_dataset
+from .restore import flight_of
+from .saved import open_dataset
+
+__all__ = ["flight_of", "glide_dataset", "log_dataset", "open", "open_dataset", "save"]
+
+
+def open(path: str | Path) -> Any:
+    """What was saved in a file.
+
+    Args:
+        path: a NetCDF file (.nc) of any result, the store of a sweep (a folder), a study file
+            (.toml), or the log of an optimisation (.jsonl).
+
+    Returns:
+        A saved glide as a `Glide`, a piece of flight as a `Trajectory`; between its saved
+        times it is interpolated linearly. A study file as a `Study`. Every other result as
+        the Dataset that it was; of a store that is partly filled, cases that were not
+        computed have outcome -1 and NaN everywhere else. A flight with a part of the user's
+        own, whose class no file holds, comes back as a Dataset, and a warning says so.
+
+    Raises:
+        FileNotFoundError: there is nothing of that name.
+        ValueError: it is damaged, of version 0.1, or no result of jaxglide; one sentence says
+            which.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"there is no {path}")
+    if path.suffix == ".toml":
+        return Study.from_file(path)
+    if path.suffix == ".jsonl":
+        return log_dataset(path)
+    data = open_dataset(path)
+    if kind_of(data) not in ("glide", "trajectory"):
+        return data
+    try:
+        return flight_of(data)
+    except OwnPartError as error:
+        warnings.warn(f"{error}: this is its Dataset", stacklevel=2)
+        return data
+
+
+def save(result: xr.Dataset | AbstractTrajectory, path: str | Path) -> Path:
+    """Write a result as a NetCDF file, for `open`.
+
+    Args:
+        result: a glide or trajectory that kept its path (`dense=True`), or the Dataset of
+            any other result.
+        path: the file (.nc).
+
+    Returns:
+        The path.
+
+    Raises:
+        TypeError: it is another thing.
+        ValueError: a flight kept no trajectory or is a batch, a Dataset says no format, or
+            the name does not end in .nc.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix != ".nc":
+        raise ValueError(f"path = {str(path)!r}: the name must end in .nc")
+    if isinstance(result, AbstractTrajectory):
+        result = glide_dataset(result)
+    if not isinstance(result, xr.Dataset):
+        raise TypeError(f"result = {type(result).__name__} is no flight and no Dataset")
+    if kind_of(result) is None:
+        raise ValueError("result says no format: it is no result of jaxglide")
+    write_netcdf(path, result)
+    return path

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from .._lib.formats import kind_of
 from .._lib.netcdf import load_netcdf
 from ..ensemble.records import study_dataset
 from ..ensemble.store import StoreError, check_memory, is_store, load
@@ -25,7 +26,7 @@ _NODE = 2**28  # bytes of a description: its attributes may hold the text of a s
 _OF_ZARR_2 = {".zarray", ".zgroup", ".zattrs", ".zmetadata"}
 
 
-def open_result(path: str | Path) -> xr.Dataset:
+def open_dataset(path: str | Path) -> xr.Dataset:
     """A saved result as a dataset in memory.
 
     Args:
@@ -43,7 +44,15 @@ def open_result(path: str | Path) -> xr.Dataset:
     if not path.exists():
         raise FileNotFoundError(f"there is no {path}")
     data = _opened_zarr(path) if path.is_dir() else load_netcdf(path)
-    if not {"version_jaxglide", "jaxglide"} & set(data.attrs):
+    try:
+        kind = kind_of(data)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if kind is None and {"version_jaxglide", "jaxglide"} & set(data.attrs):
+        raise ValueError(
+            f"{path} was written by jaxglide 0.1, which said no format: compute it anew"
+        )
+    if kind is None:
         raise ValueError(f"{path} is not a result of jaxglide")
     if data.attrs.get("computed") == 0:
         raise ValueError(f"{path} holds no finished batch yet")

@@ -396,4 +396,4 @@ def fitted_dataset(fitter: Fitter, fit: Fit) -> xr.Dataset:
         coords={"multiplier": list(SCALES), "other": list(SCALES), "trial": fitter.trials}
         | {"angle": list(fitter.corrected), "snake": ("trial", fitter.animals)},
     )
-    return stamp(data, {"misfit": fit.misfit, "misfit_before": fit.misfit_before})
+    return stamp(data, {"misfit": fit.misfit, "misfit_before": fit.misfit_before}, "fit")

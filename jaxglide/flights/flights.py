@@ -265,4 +265,4 @@ def fly_flights(
     }
     about = {"polar": polar, "node_set": node_set, "tolerance": tolerance}
     about |= {"lift_scale": lift_scale, "drag_scale": drag_scale}
-    return stamp(found.merge(data[["time", "position", "svl"]]), about)
+    return stamp(found.merge(data[["time", "position", "svl"]]), about, "compared flights")

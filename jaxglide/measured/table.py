@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from .._lib.formats import marked
 from .._lib.units import labelled
 from .flight import MeasuredFlight
 
@@ -108,7 +109,7 @@ def _variables(flights: Sequence[MeasuredFlight]) -> dict[str, tuple]:
             vector,
             _padded([flight.velocity for flight in flights]),
             "m/s",
-            "velocity of the centre of mass",
+            "velocity of the centre of mass over the ground",
         ),
     }
 
@@ -136,4 +137,5 @@ def flights_dataset(flights: Sequence[MeasuredFlight]) -> xr.Dataset:
         for name, (dims, values, unit, long_name) in _variables(flights).items()
     }
     about = {"jaxglide": metadata.version("jaxglide"), "axes": "x right, y forward, z up"}
-    return xr.Dataset(variables, coords=coordinates, attrs=about)
+    data = xr.Dataset(variables, coords=coordinates, attrs=about)
+    return marked(data, "measured flights")

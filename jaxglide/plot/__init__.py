@@ -5,7 +5,6 @@ object-oriented interface: no window opens and no global state changes; save one
 `figure.savefig(path)`. Units are metres, seconds and degrees.
 """
 
-from ..files.saved import open_result
 from ._style import style
 from .atlas import stable_atlas
 from .bending import bending_grid
@@ -64,7 +63,6 @@ __all__ = [
     "moment_ratio",
     "moments_in_time",
     "morphology",
-    "open_result",
     "paths",
     "region_outlines",
     "sensitivity_map",

@@ -9,9 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from .._lib.checks import check_integer, check_range
-from ..body.sections import discretise
-from ..ensemble.records import glide_dataset
-from ..files.restore import snake_of
+from ..files.glides import glide_dataset
 from ..flight.glide import Glide
 from ._labels import label_of, with_unit
 from ._style import new_axes, new_figure, style, zero_line
@@ -23,10 +21,10 @@ _OVERVIEW = ("lift", "drag", "angle_of_attack", "reynolds")
 
 
 def along_body(source: Glide | xr.Dataset, name: str) -> xr.DataArray:
-    """A quantity of the elements over time [s] and arc length, `fraction` of SVL.
+    """A quantity of the elements over time [s] and arc length, `fraction` of the length.
 
     Args:
-        source: a glide simulated with `dense=True`, or its `records.glide_dataset`.
+        source: a glide simulated with `dense=True`, or its `files.glide_dataset`.
         name: a variable over time and node, such as lift, drag, angle_of_attack, reynolds,
             sweep_angle, dynamic_pressure, lift_coefficient, drag_coefficient.
 
@@ -35,19 +33,25 @@ def along_body(source: Glide | xr.Dataset, name: str) -> xr.DataArray:
         so that they do not depend on the nodes.
 
     Raises:
-        ValueError: there is no such variable, or it is not over time and node.
+        ValueError: there is no such variable, it is not over time and node, or the dataset
+            does not say where its nodes are.
     """
-    data = glide_dataset(source) if isinstance(source, Glide) else source
+    data = source if isinstance(source, xr.Dataset) else glide_dataset(source)
     known = [str(n) for n, v in data.data_vars.items() if set(v.dims) == {"time", "node"}]
     if name not in known:
         raise ValueError(f"{name!r} is not along the body: known are {', '.join(known)}")
-    sections = discretise(snake_of(data))
+    for needed in ("fraction", "node_chord", "node_area"):
+        if needed not in data.coords:
+            raise ValueError(f"the glide has no coordinate {needed!r} of its nodes")
+    nodes = np.argsort(data["fraction"].values, kind="stable")
+    nodes = nodes[data["node_area"].values[nodes] > 0]  # no point masses
+    data = data.isel(node=nodes)
     values = data[name].transpose("time", "node")
     if values.attrs.get("units") == "N":
-        length = np.asarray(sections.area / sections.chord)
+        length = data["node_area"].values / data["node_chord"].values
         said = str(values.attrs["long_name"]).replace(" of the elements", " per length")
         values = (values / length).assign_attrs(units="N/m", long_name=said)
-    return values.assign_coords(fraction=("node", np.asarray(sections.fraction)))
+    return values
 
 
 @style()
@@ -136,7 +140,7 @@ def forces(source: Glide | xr.Dataset) -> Figure:
     Raises:
         ValueError: as `along_body`.
     """
-    data = glide_dataset(source) if isinstance(source, Glide) else source
+    data = source if isinstance(source, xr.Dataset) else glide_dataset(source)
     figure = new_figure(height=132.0)
     figure.set_layout_engine("constrained")
     axes = figure.subplots(len(_OVERVIEW), 1, sharex=True, sharey=True)

@@ -13,8 +13,7 @@ from .._lib.checks import check_integer, check_range
 from ..body.sections import discretise, surface_nodes
 from ..flight.dynamics import ANGLES, POSITION
 from ..flight.ends import AngleLimit, Ground, Outcome
-from ..flight.glide import Glide
-from ..flight.trajectory import reconstruct
+from ..flight.trajectory import AbstractTrajectory, reconstruct
 from ._labels import axis_label
 from ._style import (
     BODY,
@@ -41,7 +40,7 @@ _LANDED = {"ls": "", "marker": "s", "ms": 2.6, "mew": 0.0}
 _STOPPED = {"ls": "", "marker": "X", "ms": 3.6, "mew": 0.0}
 
 
-def _check_drawable(glide: Glide) -> None:
+def _check_drawable(glide: AbstractTrajectory) -> None:
     """Refuse what has no picture; `Glide.at` refuses a glide without a trajectory."""
     if glide.time.ndim:
         raise ValueError(
@@ -51,7 +50,7 @@ def _check_drawable(glide: Glide) -> None:
         raise ValueError("this glide's state is not finite: there is nothing to draw")
 
 
-def _path(glide: Glide) -> tuple[np.ndarray, np.ndarray]:
+def _path(glide: AbstractTrajectory) -> tuple[np.ndarray, np.ndarray]:
     """Times [s] and states along the glide, (T,) and (T, 13); the last is the end state."""
     times = glide.sample_times(_SAMPLES)
     states = np.array(glide.at(times))
@@ -59,15 +58,15 @@ def _path(glide: Glide) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(times), states
 
 
-def _bodies(glide: Glide, frames: Frames) -> np.ndarray:
+def _bodies(glide: AbstractTrajectory, frames: Frames) -> np.ndarray:
     """Positions of the nodes in inertial axes [m] at the frames, (F, 3, n)."""
-    end = float(glide.time)
+    begin, end = float(glide.start_time), float(glide.time)
     if np.ndim(frames) == 0:
         check_integer("frames", frames, 0, 1000)
-        times = np.linspace(0.0, end, int(frames))  # type: ignore
+        times = np.linspace(begin, end, int(frames))  # type: ignore
     else:
         times = np.asarray(frames, float)
-        check_range("frames", times, "s", 0, end)
+        check_range("frames", times, "s", begin, end)
         if times.ndim != 1:
             raise ValueError(f"frames has shape {times.shape}: it must be a number or (F,)")
     if times.size == 0:
@@ -75,7 +74,7 @@ def _bodies(glide: Glide, frames: Frames) -> np.ndarray:
     return bodies_at(glide, times)[1]
 
 
-def bodies_at(glide: Glide, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bodies_at(glide: AbstractTrajectory, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions of the nodes with area, front to rear, in body and inertial axes [m],
     (F, 3, n)."""
     now = reconstruct(glide, times)
@@ -96,16 +95,21 @@ def _limits(values: np.ndarray, pad: float, least: float) -> tuple[float, float]
     return _widened((float(values.min()) - pad, float(values.max()) + pad), least)
 
 
-def _end_mark(glide: Glide) -> dict:
+def _end_mark(glide: AbstractTrajectory) -> dict:
     return _LANDED if glide.outcome == Outcome.LANDED else _STOPPED
 
 
-def _end_word(glide: Glide) -> str:
+def _end_word(glide: AbstractTrajectory) -> str:
     return "landing" if glide.outcome == Outcome.LANDED else "end of the glide"
 
 
 def _view(
-    glide: Glide, ax: Axes, frames: Frames, across: int, up: int, ground: float | None
+    glide: AbstractTrajectory,
+    ax: Axes,
+    frames: Frames,
+    across: int,
+    up: int,
+    ground: float | None,
 ) -> Axes:
     """Draw the path and the body on two of the axes x (0), y (1), z (2), to scale."""
     path, bodies = _path(glide)[1][:, POSITION], _bodies(glide, frames)
@@ -131,7 +135,7 @@ def _view(
 
 
 @style()
-def side_view(glide: Glide, ax: Axes | None = None, *, frames: Frames = 9) -> Axes:
+def side_view(glide: AbstractTrajectory, ax: Axes | None = None, *, frames: Frames = 9) -> Axes:
     """The glide from its right side: height against forward distance, to scale.
 
     Args:
@@ -160,7 +164,7 @@ def side_view(glide: Glide, ax: Axes | None = None, *, frames: Frames = 9) -> Ax
 
 
 @style()
-def top_view(glide: Glide, ax: Axes | None = None, *, frames: Frames = 9) -> Axes:
+def top_view(glide: AbstractTrajectory, ax: Axes | None = None, *, frames: Frames = 9) -> Axes:
     """The glide from above: forward distance against sideways distance, to scale.
 
     Args:
@@ -193,20 +197,21 @@ def _spread(values: Sequence[float], gap: float) -> np.ndarray:
     return placed[np.argsort(order)]
 
 
-def angle_limit(glide: Glide) -> float:
+def angle_limit(glide: AbstractTrajectory) -> float:
     """The least limit of the angles that would have ended a glide [deg], or infinity."""
     limits = [float(e.limit) for e in glide.settings.ends if isinstance(e, AngleLimit)]
     return float(np.rad2deg(min(limits, default=np.inf)))
 
 
-def ground_of(glide: Glide) -> float | None:
+def ground_of(glide: AbstractTrajectory) -> float | None:
     """Height of the ground that a glide would have ended on [m]; None if there was none."""
     grounds = [float(e.level) for e in glide.settings.ends if isinstance(e, Ground)]
     return max(grounds, default=None)
 
 
-def _draw_limits(ax: Axes, degrees: np.ndarray, limit: float) -> list[float]:
-    """Draw the limit of the angles on each side that a curve comes near; those drawn [deg]."""
+def _draw_limits(ax: Axes, first: float, degrees: np.ndarray, limit: float) -> list[float]:
+    """Draw the limit of the angles on each side that a curve comes near, named at the first
+    time; those drawn [deg]."""
     drawn = []
     if not np.isfinite(limit):
         return drawn
@@ -216,7 +221,7 @@ def _draw_limits(ax: Axes, degrees: np.ndarray, limit: float) -> list[float]:
             ax.axhline(drawn[-1], color=INK, lw=0.7, ls=(0, (4, 2)), label="limit")
             ax.annotate(
                 f"limit {drawn[-1]:+.0f}°".replace("-", "\N{MINUS SIGN}"),
-                (0.0, drawn[-1]),
+                (first, drawn[-1]),
                 xytext=(3, -2 * sign),
                 textcoords="offset points",
                 va="top" if sign > 0 else "bottom",
@@ -226,7 +231,7 @@ def _draw_limits(ax: Axes, degrees: np.ndarray, limit: float) -> list[float]:
 
 
 @style()
-def angles(glide: Glide, ax: Axes | None = None) -> Axes:
+def angles(glide: AbstractTrajectory, ax: Axes | None = None) -> Axes:
     """Yaw, pitch and roll [deg] against time, with their limit if one comes near it.
 
     Args:
@@ -244,7 +249,9 @@ def angles(glide: Glide, ax: Axes | None = None) -> Axes:
     times, states = _path(glide)
     degrees = np.rad2deg(states[:, ANGLES])
     ax.axhline(0.0, color="0.85", lw=0.6, zorder=0)
-    shown = np.append(degrees.ravel(), [0.0, *_draw_limits(ax, degrees, angle_limit(glide))])
+    shown = np.append(
+        degrees.ravel(), [0.0, *_draw_limits(ax, times[0], degrees, angle_limit(glide))]
+    )
     low, high = _limits(shown, 0.06 * float(np.ptp(shown)), 20.0)
     heights = _spread(list(degrees[-1]), 0.11 * (high - low))
     colours = {"yaw": YAW, "pitch": PITCH, "roll": ROLL}
@@ -256,7 +263,7 @@ def angles(glide: Glide, ax: Axes | None = None) -> Axes:
         end = times[-1], heights[column]
         offset = {"xytext": (5, 0), "textcoords": "offset points", "annotation_clip": False}
         ax.annotate(name, end, color=colour, va="center", **offset)
-    ax.set_xlim(0.0, max(float(times[-1]), 1e-6))
+    ax.set_xlim(times[0], max(times[-1], times[0] + 1e-6))
     ax.set_ylim(low, high)
     step = next(step for step in (5, 10, 30) if high - low < 6 * step or step == 30)
     ax.yaxis.set_major_locator(MultipleLocator(step))
@@ -271,7 +278,7 @@ _LEAST, _TALLEST = 15.0, 100.0  # of the views [mm]
 _LEGEND_COLUMN, _LEGEND_ROW = 23.0, 5.0  # heights of the legend [mm]
 
 
-def _legend(figure: Figure, glide: Glide, **where) -> None:
+def _legend(figure: Figure, glide: AbstractTrajectory, **where) -> None:
     """What the lines and marks of both views mean."""
     handles = [
         Line2D([], [], color=FAINT, lw=0.7, label="centre of mass"),
@@ -284,7 +291,9 @@ def _legend(figure: Figure, glide: Glide, **where) -> None:
     figure.legend(handles=handles, borderaxespad=0, borderpad=0, **lengths, **where)
 
 
-def _lay_out(figure: Figure, glide: Glide, side: Axes, top: Axes, lower: Axes) -> None:
+def _lay_out(
+    figure: Figure, glide: AbstractTrajectory, side: Axes, top: Axes, lower: Axes
+) -> None:
     """Both views at one scale next to each other, the angles below them, and the legend."""
     (forward, high), (across, along) = (
         (float(np.ptp(ax.get_xlim())), float(np.ptp(ax.get_ylim()))) for ax in (side, top)
@@ -321,7 +330,7 @@ def _lay_out(figure: Figure, glide: Glide, side: Axes, top: Axes, lower: Axes) -
 
 
 @style()
-def glide_overview(glide: Glide, frames: Frames = 9) -> Figure:
+def glide_overview(glide: AbstractTrajectory, frames: Frames = 9) -> Figure:
     """A glide on one page: from the side, from above, and its angles against time.
 
     Both views have the same scale, and the body in them too. The title says how the glide

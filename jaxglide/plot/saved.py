@@ -9,8 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from .._lib.datasets import checked
-from ..files.restore import glide_of
-from ..flight.glide import Glide
+from .._lib.formats import kind_of
+from ..files.glides import glide_dataset
+from ..files.restore import flight_of
+from ..flight.trajectory import AbstractTrajectory
 from ._schemas import COMPARED, MEASURED
 from .atlas import stable_atlas
 from .bending import bending_grid
@@ -47,32 +49,8 @@ class Wanted(NamedTuple):
         return not (self.variable or self.x or self.y or self.at)
 
 
-def kind_of(data: xr.Dataset) -> str:
-    """What a dataset holds.
-
-    Returns:
-        "glide", "optimisation", "held glides", "measured flights", "compared flights",
-        "shape space", "sweep"
-        or, for another result, "dataset".
-    """
-    has, dims = set(data.variables), set(data.dims)
-    if {"time", "node"} <= dims and "body" in has:
-        return "glide"
-    if {"step", "start", "parameter"} <= dims and "best_point" in has:
-        return "optimisation"
-    if {"record", "phase", "about"} <= dims:
-        return "held glides"
-    if {"trial", "time_simulated"} <= dims and {"position", "path", "end"} <= has:
-        return "compared flights"
-    if {"trial", "wave", "mode"} <= dims:
-        return "measured flights"
-    if "outcome" in has and "region" in has:
-        return "shape space"
-    return "sweep" if {"outcome", "landing_point"} <= has else "dataset"
-
-
 def draw(
-    data: xr.Dataset,
+    data: xr.Dataset | AbstractTrajectory,
     variable: str | None = None,
     *,
     x: str | None = None,
@@ -82,7 +60,7 @@ def draw(
     """The figure for a saved result, or for one of its variables.
 
     Args:
-        data: as `files.open_result` gives it.
+        data: a result, such as `files.open` gives.
         variable: what to draw; by default what best shows the whole result.
         x, y: dimensions across and up; by default those of the variable that vary.
         at: coordinates, by name, of its other dimensions, such as `{"axis": "y"}`.
@@ -95,15 +73,18 @@ def draw(
             the message says which there are.
     """
     wanted = Wanted(variable, x, y, dict(at or {}))
+    if isinstance(data, AbstractTrajectory):
+        data = glide_dataset(data)
     draw_kind = {
         "glide": _glide,
+        "trajectory": _glide,
         "optimisation": _optimisation,
         "held glides": _held,
         "measured flights": _measured,
         "compared flights": _compared,
         "shape space": _shapes,
-        "sweep": _sweep,
-    }.get(kind_of(data), _variable)
+        "glides": _sweep,
+    }.get(kind_of(data) or "", _variable)
     return draw_kind(data, wanted)
 
 
@@ -116,14 +97,14 @@ def _glide(data: xr.Dataset, wanted: Wanted) -> Drawing:
     if wanted.x or wanted.y or wanted.at:
         return _variable(data, wanted)
     if name is None:
-        return Drawing(glide_overview(glide_of(data)), "the glide")
+        return Drawing(glide_overview(flight_of(data)), "the glide")
     if name == "forces":
         return Drawing(forces(data), "forces over time and body")
     if name in ("position", "angles"):
-        ax = (side_view if name == "position" else angles)(glide_of(data))
+        ax = (side_view if name == "position" else angles)(flight_of(data))
         return _alone(ax, f"{name} of the glide")
     if name in _SHAPES:
-        return _shape(glide_of(data), name)
+        return _shape(flight_of(data), name)
     if name in data and set(data[name].dims) == {"time", "node"}:
         return _alone(along_body_map(data, name), f"{name} over time and body")
     return _variable(data, wanted)
@@ -132,7 +113,7 @@ def _glide(data: xr.Dataset, wanted: Wanted) -> Drawing:
 _SHAPES = ("theta", "psi", "waves", "body", "bends")
 
 
-def _shape(glide: Glide, name: str) -> Drawing:
+def _shape(glide: AbstractTrajectory, name: str) -> Drawing:
     """The waves of a glide, and the shapes of the body that they make."""
     gait, body, phase = glide.glider.gait, glide.glider.body, float(glide.phase)
     if name == "body":

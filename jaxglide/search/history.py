@@ -83,4 +83,5 @@ def labelled(
         "flag_values": np.array(list(meanings), np.int32),
         "flag_meanings": " ".join(text.replace(" ", "_") for text in meanings.values()),
     }
-    return stamp(data, {"problem": json.dumps(problem.describe()), **settings})
+    record = {"problem": json.dumps(problem.describe()), **settings}
+    return stamp(data, record, "optimisation")

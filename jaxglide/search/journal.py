@@ -160,6 +160,27 @@ class Journal:
         self._size += len(text) + 1
 
 
+def read_log(path: str | Path) -> tuple[dict[str, Any], list[_Line]]:
+    """The search in plain values, and the evaluations kept, of a log that may be in use.
+
+    Raises:
+        ValueError: it is no log, or a damaged one.
+        OSError: it cannot be read.
+    """
+    head, *lines = Path(path).read_bytes().split(b"\n")[:-1] or [b""]  # the last may be torn
+    header = _opened(head, _Header, "")
+    if header is None:
+        raise ValueError(f"{path} is not the log of an optimisation, or line 1 is damaged")
+    kept, last = [], header.digest
+    for number, line in enumerate(lines, 2):
+        record = _opened(line, _Line, last)
+        if record is None:
+            raise ValueError(f"{path} is damaged: line {number} is not the one written there")
+        kept.append(record)
+        last = record.digest
+    return header.asked, kept
+
+
 @contextlib.contextmanager
 def keeping(path: str | Path | None, asked: dict[str, Any]) -> Iterator[Journal]:
     """The journal at a path, for this process alone until the block ends; see `Journal`.

@@ -83,7 +83,7 @@ def test_the_other_figures_of_a_search_are_announced_and_must_be_writable(tmp_pa
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_a_full_disk_is_one_sentence(capsys, tmp_path, monkeypatch, disk_of, suffix):
-    monkeypatch.setattr("jaxglide.files.saved.open_result", lambda path: sample())
+    monkeypatch.setattr("jaxglide.files.saved.open_dataset", lambda path: sample())
     out = tmp_path / f"a.{suffix}"
     out.write_text("old")
     with disk_of(2048):

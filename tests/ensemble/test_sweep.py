@@ -28,10 +28,10 @@ from jaxglide.ensemble import store as stores
 from jaxglide.ensemble import sweep as module
 from jaxglide.ensemble.batch import default_width, solve
 from jaxglide.ensemble.cases import build, check_setup
-from jaxglide.ensemble.records import glide_dataset
 from jaxglide.ensemble.store import Store, StoreError, layout, opened
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
+from jaxglide.files.glides import glide_dataset
 
 GRID = {"nu_theta": [1.2, 1.3, 1.4], "d_psi": [0.0, 10.0]}
 SHORT = {"fixed": {"height": 0.3}, "rtol": 1e-5, "atol": 1e-4}

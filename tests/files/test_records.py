@@ -1,21 +1,21 @@
 """What a saved glide says: units that other software reads, and the glide back from it."""
 
+import json
 import re
 
-import equinox as eqx
 import jax
 import numpy as np
 import pint
 import pytest
-import xarray as xr
 
 from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
 from jaxglide._lib.netcdf import load_netcdf
 from jaxglide._lib.parameters import PARAMETERS
 from jaxglide._lib.units import in_file
 from jaxglide._lib.writing import write_netcdf
-from jaxglide.ensemble.records import _STATES, _VARIABLES, _settings, glide_dataset
-from jaxglide.files.restore import glide_of, snake_of
+from jaxglide.ensemble.records import _STATES, _VARIABLES
+from jaxglide.files.glides import glide_dataset
+from jaxglide.files.restore import flight_of
 from jaxglide.measured.table import NUMBERS
 from jaxglide.search.objectives import OBJECTIVES
 
@@ -56,10 +56,7 @@ def test_every_number_of_a_glide_has_a_unit_that_others_read(data):
             assert variable.attrs["long_name"], name
     # what is left in attributes has no unit
     numbers = {n for n, v in data.attrs.items() if not isinstance(v, str)}
-    assert numbers == {
-        *("nodes", "head_fraction", "chord", "head_density", "body_density", "accepted"),
-        *("rejected", "rtol", "atol", "max_steps", "dense"),
-    }
+    assert numbers == {"outcome_code", "accepted", "rejected", "rtol", "atol"}
 
 
 def test_every_unit_of_this_package_is_one_that_others_read():
@@ -88,7 +85,7 @@ def test_what_went_in_is_in_the_units_people_read(data):
         assert data[name].attrs["units"] == unit, name
         assert name in data.coords
     assert data.d_psi.attrs["long_name"].endswith(", per SVL")
-    assert data.launch_attitude.values == pytest.approx([0, -5, -5])
+    assert data.launch_angles.values == pytest.approx([0, -5, -5])
 
 
 def test_nodes_have_a_place_a_chord_and_a_mass(data):
@@ -98,15 +95,8 @@ def test_nodes_have_a_place_a_chord_and_a_mass(data):
     assert data.lift.arc_length.dims == ("node",)
 
 
-def test_a_gyration_comes_back(glide, data):
-    assert snake_of(data).gyration is None
-    snake = Snake.from_svl(gyration=0.25)
-    flat = eqx.tree_at(lambda g: g.glider.body, glide, snake)
-    assert float(snake_of(data.assign_attrs(_settings(flat))).gyration) == 0.25
-
-
 def test_a_glide_comes_back_whole(glide, data):
-    again = glide_of(data)
+    again = flight_of(data)
     for part in ("glider", "launch", "take_off", "settings", "max_angles", "outcome", "time"):
         ours, theirs = (jax.tree.leaves(getattr(g, part)) for g in (glide, again))
         for a, b in zip(ours, theirs, strict=True):
@@ -118,31 +108,40 @@ def test_a_glide_comes_back_whole(glide, data):
 def test_a_glide_in_other_units_is_the_same(data):
     other = data.copy()
     for name, unit, many in (
-        ("theta_m", "rad", np.pi / 180),
-        ("mass", "g", 1000.0),
         ("time", "ms", 1000.0),
         ("angles", "rad", np.pi / 180),
     ):
         values = (data[name].dims, many * data[name].values, {"units": unit})
         kind = other.assign_coords if name in data.coords else other.assign
         other = kind({name: values})
-    ours, theirs = glide_of(data), glide_of(other)
+    ours, theirs = flight_of(data), flight_of(other)
     for a, b in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
-def older(data):
-    """As the first version saved it: numbers in attributes."""
-    names = [str(n) for n, v in data.coords.items() if not v.dims]
-    return data.drop_vars(names).assign_attrs(length=0.7, mass=0.03, theta_m=1.7)
+def changed(data, **parts):
+    """With other records, or with changed fields of one."""
+    records = json.loads(data.attrs["parts"])
+    return data.assign_attrs(
+        parts=json.dumps({k: {**records[k], **v} for k, v in parts.items()})
+    )
 
 
 WRONG = {
-    "older": (older, "saved by an older jaxglide, without units: fly it anew"),
-    "no mass": (lambda d: d.drop_vars("mass"), "have no variable 'mass'"),
-    "no polar": (lambda d: d.assign_attrs(polar="mine"), "polar = 'mine' is not one of"),
-    "no nodes": (lambda d: d.drop_attrs(deep=False), "it lacks '(chord|polar)'"),
-    "no such end": (lambda d: d.assign_attrs(outcome="well"), "outcome = 'well' is no end"),
+    "no format": (lambda d: d.drop_attrs(deep=False), "it says no format"),
+    "another kind": (
+        lambda d: d.assign_attrs(format="jaxglide glides 2"),
+        "it is of the kind 'glides'",
+    ),
+    "later": (lambda d: d.assign_attrs(format="jaxglide glide 9"), "is of version 9"),
+    "no parts": (lambda d: without(d, "parts"), "it lacks 'parts'"),
+    "no launch": (lambda d: without_part(d, "launch"), "it lacks 'launch'"),
+    "not JSON": (lambda d: d.assign_attrs(parts="{"), "no JSON text"),
+    "no glider": (
+        lambda d: changed(d, glider={"class": "Ground", "level": 0.0}),
+        "in Ground: there is no field 'body'",
+    ),
+    "no such end": (lambda d: d.assign_attrs(outcome="well"), "outcome = 'well' with the code"),
     "turned": (lambda d: d.isel(time=slice(None, None, -1)), "time does not rise"),
     "not finite": (
         lambda d: d.assign(position=d.position * np.nan),
@@ -152,13 +151,29 @@ WRONG = {
         lambda d: d.assign(angles=d.angles.assign_attrs(units="m")),
         "unit of 'angles': 'm' cannot be converted to 'rad'",
     ),
-    "range": (lambda d: d.assign_coords(theta_m=d.theta_m + 200), "theta_m = .* not allowed"),
-    "by frame": (
-        lambda d: d.assign_coords(svl=d.svl + 0 * d.time),
-        "'svl' is over time, where it must be over nothing",
+    "range": (lambda d: changed(d, glider={"gravity": 1e9}), r"gravity = 1e\+09 m/s\^2 is not"),
+    "by node": (
+        lambda d: d.assign(launch_phase=d.launch_phase + 0 * d.arc_length),
+        "'launch_phase' is over node, where it must be over nothing",
     ),
-    "text": (lambda d: d.assign_attrs(nodes="many"), "not a whole glide: invalid literal"),
+    "text": (lambda d: d.assign_attrs(accepted="many"), "not a whole flight: invalid literal"),
+    "another body": (lambda d: more_states(d), "its states are 14 numbers, where what flew"),
 }
+
+
+def without(data, name):
+    attrs = {k: v for k, v in data.attrs.items() if k != name}
+    return data.drop_attrs(deep=False).assign_attrs(attrs)
+
+
+def without_part(data, name):
+    records = json.loads(data.attrs["parts"])
+    return data.assign_attrs(parts=json.dumps({k: v for k, v in records.items() if k != name}))
+
+
+def more_states(data):
+    states = data.path_length.expand_dims("motion_state", -1).assign_attrs(units="1")
+    return data.assign(motion_states=states)
 
 
 @pytest.mark.parametrize("case", WRONG)
@@ -167,11 +182,5 @@ def test_what_is_no_glide_is_refused_in_one_sentence(data, path, case):
     wrong = change(data)
     wrong.encoding["source"] = str(path)
     with pytest.raises(ValueError, match=rf"^{path}: .*{message}") as caught:
-        glide_of(wrong)
+        flight_of(wrong)
     assert "\n" not in str(caught.value)
-
-
-def test_a_snake_comes_back_alone(data):
-    assert float(snake_of(data).length) == pytest.approx(0.7)
-    with pytest.raises(ValueError, match="have no variable 'svl'"):
-        snake_of(xr.Dataset())

@@ -28,7 +28,7 @@ from jaxglide import (
     simulate,
     six_degrees_of_freedom,
 )
-from jaxglide.ensemble.records import glide_dataset
+from jaxglide.files.glides import glide_dataset
 from jaxglide.flight.attitude import angle_rates
 from jaxglide.flight.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Flight
 from jaxglide.flight.ends import clearance, default_ends

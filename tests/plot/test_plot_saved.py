@@ -11,10 +11,13 @@ import xarray as xr
 from matplotlib.collections import QuadMesh
 
 from jaxglide import Gait, Glider, Launch, Snake, cli, discretise, plot, simulate
-from jaxglide.ensemble.records import glide_dataset, stamp
+from jaxglide._lib.formats import kind_of, marked
+from jaxglide.ensemble.records import stamp
 from jaxglide.ensemble.store import check_memory, opened
 from jaxglide.ensemble.study import Study
-from jaxglide.plot.saved import draw, kind_of
+from jaxglide.files.glides import glide_dataset
+from jaxglide.files.saved import open_dataset
+from jaxglide.plot.saved import draw
 
 NODES = 20
 
@@ -49,7 +52,7 @@ def line(ax, label):
 
 
 def test_a_saved_glide_is_drawn_as_the_glide_itself(glide, saved):
-    drawing = draw(plot.open_result(saved))
+    drawing = draw(open_dataset(saved))
     ours, theirs = drawing.figure, plot.glide_overview(glide)
     assert ours.get_suptitle() == theirs.get_suptitle()
     for a, b in zip(ours.axes, theirs.axes, strict=True):
@@ -68,7 +71,7 @@ def test_a_saved_glide_is_drawn_as_the_glide_itself(glide, saved):
     ],
 )
 def test_quantities_along_the_body_are_the_files(glide, saved, name, label, unit):
-    data = plot.open_result(saved)
+    data = open_dataset(saved)
     ax = draw(data, name).figure.axes[0]
     (mesh,) = (c for c in ax.collections if isinstance(c, QuadMesh))
     sections = discretise(glide.glider.body)
@@ -90,7 +93,7 @@ def test_lift_along_the_body_adds_up(glide):
 
 
 def test_lines_are_at_the_times_asked_for(saved):
-    data = plot.open_result(saved)
+    data = open_dataset(saved)
     end = float(data["time"][-1])
     ax = plot.along_body_lines(data, "drag", times=[0.0, end / 2, end])
     curves = [one for one in ax.lines if len(one.get_xdata()) == NODES]
@@ -104,17 +107,17 @@ def test_lines_are_at_the_times_asked_for(saved):
 
 
 def test_names_that_are_not_along_the_body_are_refused(saved):
-    data = plot.open_result(saved)
+    data = open_dataset(saved)
     with pytest.raises(ValueError, match="'angles' is not along the body: known are lift"):
         plot.along_body_map(data, "angles")
     with pytest.raises(ValueError, match="times = 99"):
         plot.along_body_lines(data, times=[99.0])
-    with pytest.raises(ValueError, match="not a whole glide: it lacks"):
-        plot.along_body_map(data.drop_attrs(), "lift")
+    with pytest.raises(ValueError, match="no coordinate 'node_area' of its nodes"):
+        plot.along_body_map(data.drop_vars("node_area"), "lift")
 
 
 def test_forces_are_four_maps(saved):
-    figure = draw(plot.open_result(saved), "forces").figure
+    figure = draw(open_dataset(saved), "forces").figure
     assert [ax.get_ylabel() for ax in figure.axes[4:]] == [
         "lift per length (N/m)",
         "drag per length (N/m)",
@@ -125,7 +128,7 @@ def test_forces_are_four_maps(saved):
 
 
 def test_waves_and_body_are_those_of_the_glide(glide, saved):
-    data = plot.open_result(saved)
+    data = open_dataset(saved)
     ax = draw(data, "theta").figure.axes[0]
     gait, snake = glide.glider.gait, glide.glider.body
     given = {"duration": float(glide.time), "phi_theta": 0.3}
@@ -140,7 +143,7 @@ def test_waves_and_body_are_those_of_the_glide(glide, saved):
 
 
 def test_a_component_is_drawn_over_time(saved):
-    data = plot.open_result(saved)
+    data = open_dataset(saved)
     ax = draw(data, "velocity", at={"axis": "z"}).figure.axes[0]
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), data["velocity"].values[:, 2])
     assert ax.get_ylabel() == "velocity, z (m/s)"
@@ -165,7 +168,7 @@ def sweep_of(names, kind="f", cases=False):
         },
         coords={**coords, "axis": ["x", "y", "z"]},
     )
-    return stamp(data, {})
+    return stamp(data, {}, "glides")
 
 
 @pytest.mark.parametrize(
@@ -180,7 +183,7 @@ def sweep_of(names, kind="f", cases=False):
 def test_a_sweep_is_drawn_by_what_it_varies(names, cases, said, axes):
     data = sweep_of(names, cases=cases)
     drawing = draw(data)
-    assert kind_of(data) == "sweep"
+    assert kind_of(data) == "glides"
     assert drawing.said.startswith(said)
     assert len(drawing.figure.axes) == axes
 
@@ -213,7 +216,7 @@ def store(tmp_path, monkeypatch):
 
 
 def test_a_store_is_drawn_as_far_as_it_goes(store, capsys, tmp_path):
-    data = plot.open_result(store.path)
+    data = open_dataset(store.path)
     assert (data.attrs["computed"], data.attrs["total"]) == (4, 6)
     assert np.array_equal(data["outcome"].values, [[0, 0], [0, 0], [-1, -1]])
     assert np.isnan(data["path_length"].values[2]).all()
@@ -246,19 +249,19 @@ def edit(file, old, new):
 def test_an_edited_store_is_refused(store, file, old, new, said):
     edit(store.path / file, old, new)
     with pytest.raises(ValueError, match=rf"part\.zarr.*{said}"):
-        plot.open_result(store.path)
+        open_dataset(store.path)
 
 
 def test_a_damaged_or_empty_store_is_refused(store, tmp_path):
     (store.path / "path_length" / "c" / "0").write_bytes(bytes(16))
     with pytest.raises(ValueError, match=r"part\.zarr.*chunk 0 does not match its digest"):
-        plot.open_result(store.path)
+        open_dataset(store.path)
     shutil.rmtree(store.path / "digest" / "c")
     with pytest.raises(ValueError, match=r"part\.zarr holds no finished batch yet"):
-        plot.open_result(store.path)
+        open_dataset(store.path)
     (tmp_path / "nothing.zarr").mkdir()
     with pytest.raises(ValueError, match=r"cannot read .*nothing\.zarr"):
-        plot.open_result(tmp_path / "nothing.zarr")
+        open_dataset(tmp_path / "nothing.zarr")
 
 
 def test_a_study_larger_than_memory_is_refused_at_once(store):
@@ -269,7 +272,7 @@ def test_a_study_larger_than_memory_is_refused_at_once(store):
     with pytest.raises(ValueError, match="more than half of this machine's memory"):
         check_memory("part.zarr", 10**15)
     with pytest.raises(ValueError, match=r"part\.zarr holds .* GB: more than half"):
-        plot.open_result(store.path)
+        open_dataset(store.path)
 
 
 @pytest.fixture
@@ -284,7 +287,7 @@ def kept(tmp_path):
 
 @pytest.mark.filterwarnings("ignore::zarr.errors.UnstableSpecificationWarning")
 def test_a_dataset_kept_as_zarr_is_read_too(kept):
-    assert draw(plot.open_result(kept)).said == draw(sweep_of(["nu_theta", "d_psi"])).said
+    assert draw(open_dataset(kept)).said == draw(sweep_of(["nu_theta", "d_psi"])).said
 
 
 @pytest.mark.parametrize(
@@ -331,7 +334,7 @@ def test_what_could_run_code_is_not_opened(kept, monkeypatch, change, said):
         (kept / "below" / ".zarray").write_text("{}")
     monkeypatch.setattr(xr, "open_zarr", None)
     with pytest.raises(ValueError, match=rf"kept\.zarr.*{said}"):
-        plot.open_result(kept)
+        open_dataset(kept)
 
 
 # Other kinds
@@ -357,7 +360,7 @@ def history():
             "high": ("parameter", [1.5, 1.5]),
         },
     )
-    return stamp(data, {})
+    return stamp(data, {}, "optimisation")
 
 
 def test_an_optimisation_is_its_search_or_its_paths():
@@ -389,6 +392,7 @@ def test_held_glides_are_moments_in_time_or_by_bend():
             "about": ["pitch", "roll", "yaw"],
         },
     )
+    data = marked(data, "held glides")
     assert kind_of(data) == "held glides"
     assert draw(data).said == "mean pitch moment by bend and shape"
     one = data.stack(case=dims, create_index=False).isel(case=[2]).transpose("case", ...)
@@ -407,6 +411,7 @@ def test_measured_flights_are_their_gaits():
         coords={"trial": list("abcdef"), "snake": ("trial", list("uuvvww"))},
     )
     data["variance"] = (("trial", "wave", "mode"), rng.uniform(0, 1, (6, 2, 2)))
+    data = marked(data, "measured flights")
     assert kind_of(data) == "measured flights"
     assert draw(data).figure.axes[1].get_ylabel() == r"horizontal amplitude, $\theta_m$ (°)"
 
@@ -415,6 +420,7 @@ def test_the_shape_space_is_its_heat_maps():
     data = sweep_of(["f_theta", "theta_m", "nu_theta"])
     data["height_lost"] = data["path_length"] + 1.0
     data = data.assign_coords(region=(("theta_m", "nu_theta"), np.full((3, 3), "observed")))
+    data = marked(data, "shape space")
     assert kind_of(data) == "shape space"
     assert len(draw(data).figure.axes) == 8
     assert draw(data, "path_length", at={"f_theta": 1.0}).said.endswith("nu_theta and theta_m")

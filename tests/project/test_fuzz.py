@@ -23,7 +23,7 @@ from jaxglide.cli import _parser, main
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import survey
 from jaxglide.ensemble.sweep import sweep
-from jaxglide.files.saved import open_result
+from jaxglide.files.saved import open_dataset
 from jaxglide.flights.flights import fly_flights
 from jaxglide.measured import flights_dataset, measure_folder
 from jaxglide.search.objectives import landing_distance
@@ -447,7 +447,7 @@ def test_no_file_is_taken_for_what_it_is_not(count, tmp_path, recordings):
         elif kind == "store":
             _damage_store(sound / "s.zarr", folder / "s.zarr", *damage)
             path = folder / "s.zarr"
-            check_file(lambda: open_result(path), path, lambda d: d.identical(whole))
+            check_file(lambda: open_dataset(path), path, lambda d: d.identical(whole))
         else:
             for name in ("one.csv", "one.toml"):
                 shutil.copy(sound / name, folder)
@@ -457,7 +457,7 @@ def test_no_file_is_taken_for_what_it_is_not(count, tmp_path, recordings):
                 lambda: measure_folder(folder)[0], path, lambda f: np.isfinite(f.nu_theta)
             )
 
-    whole = open_result(sound / "s.zarr")
+    whole = open_dataset(sound / "s.zarr")
     draw(count, bad_files(), check)
 
 

@@ -1,0 +1,73 @@
+"""What a dataset is, told by its attribute `format`, and what makes it follow CF.
+
+CF: the conventions for climate and forecast metadata, which much software reads.
+"""
+
+from importlib import metadata
+
+import xarray as xr
+
+VERSION = 2
+"""Of the formats of all results; those of version 1 did not say which they are."""
+
+TITLES = {
+    "glide": "A glide of a flying snake or another body",
+    "trajectory": "A piece of flight of a flying snake or another body",
+    "glides": "Glides of many cases, of a sweep",
+    "shape space": "Glides of the published shape space",
+    "held glides": "Moments of bodies that fall at a held attitude",
+    "optimisation": "History of an optimisation",
+    "search log": "Evaluations of an optimisation",
+    "measured flights": "Measured flights of snakes, and their gaits",
+    "compared flights": "Measured flights of snakes beside their simulations",
+    "fit": "Force coefficients fitted to measured flights",
+}
+"""Kinds of results, and what each is."""
+
+CONVENTIONS = "CF-1.11"
+_STANDARD_NAMES = {  # of CF's table, which has none for the others
+    "air_density": "air_density",
+    "height": "height",
+    "outcome": "status_flag",
+    "launch_speed": "platform_speed_wrt_ground",
+}
+
+
+def marked(data: xr.Dataset, kind: str) -> xr.Dataset:
+    """The dataset with its format and what CF asks for in its attributes.
+
+    Args:
+        data: variables with `units` and `long_name`.
+        kind: what it is, one of `TITLES`.
+    """
+    data = data.copy()
+    for name, standard in _STANDARD_NAMES.items():
+        if name in data.variables and "units" in data[name].attrs:
+            data[name].attrs["standard_name"] = standard
+    version = metadata.version("jaxglide")
+    return data.assign_attrs(
+        format=f"jaxglide {kind} {VERSION}",
+        title=TITLES[kind],
+        Conventions=CONVENTIONS,
+        history=f"computed by jaxglide {version}",
+    )
+
+
+def kind_of(data: xr.Dataset) -> str | None:
+    """What a dataset is, one of `TITLES`; None for one that does not say.
+
+    Raises:
+        ValueError: it is of a version that is not known here.
+    """
+    said = data.attrs.get("format")
+    if said is None:
+        return None
+    name, _, rest = str(said).partition(" ")
+    kind, _, version = rest.rpartition(" ")
+    if name != "jaxglide" or kind not in TITLES:
+        raise ValueError(f"format = {str(said)[:60]!r} is none of jaxglide's")
+    if version != str(VERSION):
+        raise ValueError(
+            f"format = {said!r} is of version {version}: this jaxglide reads {VERSION}"
+        )
+    return kind

@@ -5,22 +5,33 @@ module to import, and takes no more memory than there is.
 """
 
 import warnings
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
+if TYPE_CHECKING:
+    import xarray as xr
 
-from .._lib.formats import kind_of
-from .._lib.records import OwnPartError
-from .._lib.writing import write_netcdf
-from ..ensemble.study import Study
-from ..flight.trajectory import AbstractTrajectory
-from .glides import glide_dataset
-from .logs import log_dataset
-from .restore import flight_of
-from .saved import open_dataset
+    from ..flight.trajectory import AbstractTrajectory
+    from .glides import glide_dataset
+    from .logs import log_dataset
+    from .restore import flight_of
+    from .saved import open_dataset
 
 __all__ = ["flight_of", "glide_dataset", "log_dataset", "open", "open_dataset", "save"]
+_WHERE = {
+    "flight_of": "restore",
+    "glide_dataset": "glides",
+    "log_dataset": "logs",
+    "open_dataset": "saved",
+}
+
+
+def __getattr__(name: str):
+    """Names are imported on first use: what they need takes a second to load."""
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_WHERE[name]}", __name__), name)
 
 
 def open(path: str | Path) -> Any:
@@ -46,9 +57,18 @@ def open(path: str | Path) -> Any:
     if not path.exists():
         raise FileNotFoundError(f"there is no {path}")
     if path.suffix == ".toml":
+        from ..ensemble.study import Study
+
         return Study.from_file(path)
     if path.suffix == ".jsonl":
+        from .logs import log_dataset
+
         return log_dataset(path)
+    from .._lib.formats import kind_of
+    from .._lib.records import OwnPartError
+    from .restore import flight_of
+    from .saved import open_dataset
+
     data = open_dataset(path)
     if kind_of(data) not in ("glide", "trajectory"):
         return data
@@ -59,7 +79,7 @@ def open(path: str | Path) -> Any:
         return data
 
 
-def save(result: xr.Dataset | AbstractTrajectory, path: str | Path) -> Path:
+def save(result: "xr.Dataset | AbstractTrajectory", path: str | Path) -> Path:
     """Write a result as a NetCDF file, for `open`.
 
     Args:
@@ -76,6 +96,13 @@ def save(result: xr.Dataset | AbstractTrajectory, path: str | Path) -> Path:
             the name does not end in .nc.
         OSError: the file cannot be written.
     """
+    import xarray as xr
+
+    from .._lib.formats import kind_of
+    from .._lib.writing import write_netcdf
+    from ..flight.trajectory import AbstractTrajectory
+    from .glides import glide_dataset
+
     path = Path(path)
     if path.suffix != ".nc":
         raise ValueError(f"path = {str(path)!r}: the name must end in .nc")

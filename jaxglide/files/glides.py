@@ -13,10 +13,20 @@ from .._lib.units import labelled
 from ..body.sections import Sections, discretise
 from ..ensemble.records import stamp
 from ..flight.case import Case
-from ..flight.dynamics import ANGLES, OMEGA, PATH, POSITION, RIGID, VELOCITY, Elements
+from ..flight.dynamics import (
+    ANGLES,
+    OMEGA,
+    PATH,
+    POSITION,
+    RIGID,
+    VELOCITY,
+    Elements,
+    Glider,
+)
 from ..flight.glide import Glide
 from ..flight.parts import to_text
 from ..flight.trajectory import AbstractTrajectory, reconstruct
+from ..loads.polar import Polar, name_of_cells
 
 AXES, TURNS = ("x", "y", "z"), ("yaw", "pitch", "roll")
 
@@ -218,9 +228,19 @@ def _attributes(flown: AbstractTrajectory) -> dict[str, Any]:
             name: type(getattr(glider, name)).__name__
             for name in ("body", "gait", "aerodynamics", "air")
         },
+        **_polar(glider),
         "ends": ", ".join(type(end).__name__ for end in settings.ends),
         "solver": type(settings.solver).__name__,
         "rtol": float(settings.rtol),
         "atol": float(settings.atol),
         "parts": to_text({**parts, "settings": settings}),
     }
+
+
+def _polar(glider: Glider) -> dict[str, str]:
+    """Name of the polar, or of its class; none where the aerodynamics have none."""
+    polar = getattr(glider.aerodynamics, "polar", None)
+    if polar is None:
+        return {}
+    named = name_of_cells(polar.cells) if isinstance(polar, Polar) else None
+    return {"polar": named or type(polar).__name__}

@@ -32,6 +32,7 @@ APART = "measured"  # imports nothing of the model, but for what reads files
 READERS = {
     "_lib.columns",
     "_lib.documents",
+    "_lib.formats",
     "_lib.units",
 }  # which load neither JAX nor any other module
 

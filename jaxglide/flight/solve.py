@@ -103,6 +103,26 @@ def settings_of(
     )
 
 
+class _FirstStep(diffrax.AbstractStepSizeController):
+    """A controller that knows its first step.
+
+    Given as Diffrax's `dt0` it would be checked at run time, by a callback to Python, as soon
+    as a time is traced; and what calls back is not kept in JAX's cache of compiled code.
+    """
+
+    inner: diffrax.AbstractStepSizeController
+    first: Scalar
+
+    def wrap(self, direction):
+        return _FirstStep(self.inner.wrap(direction), self.first)
+
+    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
+        return self.inner.init(terms, t0, t1, y0, self.first, args, func, error_order)
+
+    def adapt_step_size(self, *arguments):
+        return self.inner.adapt_step_size(*arguments)
+
+
 class Solved(eqx.Module):
     """What `solve` computes; see `Glide` for what it means."""
 
@@ -148,13 +168,14 @@ def solve(
     # waiting: another one is flown for an instant, and what it did is thrown away.
     state = jnp.where(flying, start, jnp.zeros_like(start))
     t1 = jnp.where(flying, settings.max_time, t0 + _OVER)
-    controller = settings.controller(longest)
+    step = jnp.minimum(settings.step or first, t1 - t0)
+    controller = _FirstStep(settings.controller(longest), step)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),  # type: ignore
         settings.solver,
         t0=t0,
         t1=t1,
-        dt0=jnp.minimum(settings.step or first, t1 - t0),
+        dt0=None,
         y0=state,
         args=args,
         saveat=_kept(settings, t1, turns),

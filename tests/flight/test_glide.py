@@ -18,6 +18,7 @@ import pytest
 from jaxglide import (
     Gait,
     Glider,
+    Ground,
     Launch,
     Outcome,
     Polar,
@@ -34,6 +35,7 @@ from jaxglide.flight.dynamics import ANGLES, OMEGA, PATH, POSITION, VELOCITY, Fl
 from jaxglide.flight.ends import clearance, default_ends
 from jaxglide.flight.extrapolation import extrapolation
 from jaxglide.flight.peaks import PeakController, Peaks
+from jaxglide.flight.solve import settings_of, solve
 
 TIMES = 0.1 * np.arange(24)
 LIMIT = np.deg2rad(85)
@@ -341,6 +343,27 @@ def test_changed_values_compile_nothing(glide, monkeypatch):
     assert float(changed.height_lost) == pytest.approx(7.0, abs=1e-9)
     with pytest.raises(AssertionError, match="traced again"):
         simulate(other, max_steps=4095)
+
+
+def test_nothing_calls_back_to_python():
+    """JAX does not keep what does in its cache of compiled code: every start would compile."""
+
+    def ended(time):
+        given = dict.fromkeys(("times", "solver", "step"))
+        settings = settings_of(
+            rtol=1e-6,
+            atol=1e-6,
+            max_time=time,
+            ends=Ground(),
+            max_steps=9,
+            dense=False,
+            **given,
+        )
+        start = jnp.zeros(13).at[2].set(1.0)
+        fall = lambda t, y, args: 0 * y  # noqa: E731
+        return solve(fall, start, jnp.zeros(()), None, settings, diffrax.ForwardMode()).time
+
+    assert "callback" not in str(jax.make_jaxpr(ended)(1.0))
 
 
 def test_a_straight_body_flies():

@@ -191,10 +191,11 @@ def with_own_states(time: Scalar, rigid: State, flight: Flight) -> State:
         flight: glider, sections and launch phase.
     """
     glider = flight.glider
-    own = glider.gait.start(flight.phase)
-    flow = _moving(time, rigid, own, flight)[2]
-    more = [part for part in (own, glider.aerodynamics.start(flow)) if part.shape[0]]
-    return jnp.concatenate([rigid, *more]) if more else rigid
+    own, air = glider.gait.start(flight.phase), glider.aerodynamics
+    parts = [rigid, own] if own.shape[0] else [rigid]
+    if type(air).start is not AbstractAerodynamics.start:  # else there is nothing to start
+        parts.append(air.start(_moving(time, rigid, own, flight)[2]))
+    return jnp.concatenate(parts) if parts[1:] else rigid
 
 
 def elements(time: Scalar, state: State, flight: Flight) -> Elements:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from .._lib.numerics import safe_sqrt
 from .._lib.types import Array, Bool, Float, Scalar, State, Vec3
 from .attitude import angle_rates
-from .dynamics import ANGLES, OMEGA, POSITION, VELOCITY
+from .dynamics import ANGLES, OMEGA, VELOCITY
 from .ends import AbstractEnd, clearance
 
 # By float size: how far past an end counts as past it [m, rad], and the shortest step that
@@ -27,8 +27,10 @@ class _Point(eqx.Module):
     def of(cls, time, state: State, ends: tuple[AbstractEnd, ...]) -> "_Point":
         """What is followed, which depends on place and attitude alone: its rate is known."""
         time = jnp.asarray(time, state.dtype)
-        moving = jnp.zeros_like(state).at[POSITION].set(state[VELOCITY])
-        moving = moving.at[ANGLES].set(angle_rates(state[ANGLES], state[OMEGA]))
+        turning, rest = angle_rates(state[ANGLES], state[OMEGA]), jnp.zeros_like(state)
+        moving = jnp.concatenate(
+            [state[VELOCITY], rest[: ANGLES.start - 3], turning, rest[ANGLES.stop :]]
+        )
 
         def followed(state):
             angles = state[ANGLES]

@@ -175,14 +175,3 @@ def test_all_lists_every_public_name_and_no_other():
         jaxglide.nothing  # noqa: B018
 
 
-def test_functions_and_files_are_short():
-    """No body of a function over 60 lines, its docstring aside; no file over 400."""
-    long = [path.name for path in MODULES if len(path.read_text().splitlines()) > 400]
-    for path in MODULES:
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.FunctionDef):
-                told = isinstance(node.body[0], ast.Expr) and ast.get_docstring(node)
-                begin = node.body[1 if told and node.body[1:] else 0].lineno
-                if node.end_lineno - begin >= 60:
-                    long.append(f"{path.name}:{node.name}")
-    assert not long

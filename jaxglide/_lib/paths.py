@@ -69,6 +69,9 @@ def resolve(module: eqx.Module, name: str) -> str:
 
 def short_name(module: eqx.Module, path: str) -> str:
     """The briefest name that means a path: its short one, its last name, or itself."""
+    found = _INDEX.fullmatch(path)
+    if found:
+        return f"{short_name(module, found['path'])}[{found['index']}]"
     known = parameters(module)
     names = [about.short or p.rpartition(".")[2] for p, about in known.items()]
     name = known[path].short or path.rpartition(".")[2]

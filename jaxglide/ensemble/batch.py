@@ -3,16 +3,18 @@
 import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from .._lib.types import Array
+from ..flight.case import Case
 from ..flight.glide import Glide, simulate
-from .cases import build
-from .study import Study
+from .study import Study, nodes_of
 
 _CPU_LANES = (16, 24)  # per core: more do not pay for waiting for the slowest flight
 # Lanes per device are a multiple of this. Loops over other numbers end in a remainder that
@@ -45,13 +47,21 @@ def results(glide: Glide) -> dict[str, Array]:
     return kept
 
 
-def _one(study_setup, options, times):
-    """Function of one case that flies it."""
-    setup, options = dict(study_setup), dict(options)
+def _one(static: Case, max_steps: int):
+    """Function of the values of one case, and of what all share, that flies it."""
 
-    def fly(case, rtol, atol):
-        glider, launch = build(case, setup)
-        glide = simulate(glider, launch, rtol=rtol, atol=atol, times=times, **options)
+    def fly(values, arrays, times, rtol, atol, max_time):
+        case = eqx.combine(arrays, static).replace(values)
+        glide = simulate(
+            case.glider,
+            case.launch,
+            ends=case.ends,
+            rtol=rtol,
+            atol=atol,
+            times=times,
+            max_time=max_time,
+            max_steps=max_steps,
+        )
         return results(glide)
 
     return fly
@@ -61,7 +71,8 @@ def spread(one: Callable, devices: tuple, common: int):
     """Compiled function of a batch whose lanes are shared out over the devices.
 
     Args:
-        one: pure function of one case (a dict of arrays) and of what all cases share.
+        one: pure function of one case (a dict of arrays) and of what all cases share, trees
+            of arrays, which get no dimension for the lanes.
         devices: JAX devices.
         common: number of shared arguments.
     """
@@ -76,14 +87,14 @@ def spread(one: Callable, devices: tuple, common: int):
     )
     compiled, sharding = jax.jit(mapped), NamedSharding(mesh, split)
 
-    def run(columns: Mapping[str, np.ndarray], width: int, *shared) -> dict[str, np.ndarray]:
-        count = len(next(iter(columns.values())))
+    def run(columns: Mapping[str, Any], width: int, *shared) -> dict[str, np.ndarray]:
+        count = len(jax.tree.leaves(columns)[0])
         lanes = -(-width // len(devices)) * len(devices)
         # Filled up with repeats, so that one compiled function serves every batch.
         # Neighbours go to different devices: each gets as many long flights as the others.
         place = np.argsort(np.arange(lanes) % len(devices), kind="stable")
         source = np.minimum(place, count - 1)
-        batch = {n: jax.device_put(v[source], sharding) for n, v in columns.items()}
+        batch = jax.tree.map(lambda v: jax.device_put(v[source], sharding), dict(columns))
         flown = compiled(batch, *shared)
         back = np.argsort(place)[:count]
         return {name: np.asarray(values)[back] for name, values in flown.items()}
@@ -92,13 +103,28 @@ def spread(one: Callable, devices: tuple, common: int):
 
 
 @lru_cache(maxsize=16)
-def _flier(setup: tuple, options: tuple, times: tuple | None, devices: tuple):
-    return spread(_one(setup, options, times), devices, 2)
+def _flier(structure, leaves: tuple, max_steps: int, devices: tuple):
+    return spread(_one(jax.tree.unflatten(structure, leaves), max_steps), devices, 5)
 
 
-def _key(study: Study) -> tuple:
-    options = (("max_steps", study.max_steps), ("max_time", study.max_time))
-    return tuple(sorted(study.setup.items())), options, study.times
+def shared(case: Case) -> tuple[Case, tuple]:
+    """The arrays of a case, which all lanes share, and what a compiled function is kept by:
+    the case without them.
+
+    Raises:
+        TypeError: a part holds what has no hash, such as a list in a static field.
+    """
+    arrays, static = eqx.partition(case, eqx.is_array)
+    leaves, structure = jax.tree.flatten(static)
+    key = structure, tuple(leaves)
+    try:
+        hash(key)
+    except TypeError as error:
+        raise TypeError(
+            f"what is not an array in a case must be hashable, as a text or a tuple is: {error}"
+        ) from None
+    # of no device: they go to whatever devices the lanes are on
+    return jax.tree.map(np.asarray, arrays), key
 
 
 def default_width(study: Study) -> int:
@@ -108,8 +134,8 @@ def default_width(study: Study) -> int:
         most = _CPU_LANES
     else:
         memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
-        states = 13 * len(study.times or ())
-        per_lane = 8 * (_LIVE * study.setup["nodes"] + 20 * 13 + states)
+        states = study.state_size * len(study.times or ())
+        per_lane = 8 * (_LIVE * nodes_of(study.base) + 20 * 13 + states)
         most = (max(_UNIT, int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT),)
     # As many batches as that takes, all of one size: a last small one would cost as much. The
     # fewest lanes in all, where there is a choice.
@@ -137,5 +163,8 @@ def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
     """
     devices = tuple(jax.local_devices())
     lanes = len(devices) * _rounded(-(-width // len(devices)))
-    tolerances = jnp.asarray(study.rtol), jnp.asarray(study.atol)
-    return _flier(*_key(study), devices)(study.columns(index), lanes, *tolerances)
+    arrays, key = shared(study.base)
+    times = None if study.times is None else np.asarray(study.times, float)
+    limits = (np.asarray(getattr(study, name)) for name in ("rtol", "atol", "max_time"))
+    fly = _flier(*key, study.max_steps, devices)
+    return fly(study.lanes(index), lanes, arrays, times, *limits)

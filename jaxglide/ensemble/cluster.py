@@ -25,7 +25,9 @@ class ClusterError(OSError):
     """A cluster that does not answer, or whose workers died; the message is one sentence."""
 
 
-def _task(cases: str, width: int, x64: bool, expected: dict[str, str]) -> dict[str, np.ndarray]:
+def _task(
+    cases: str | Study, width: int, x64: bool, expected: dict[str, str]
+) -> dict[str, np.ndarray]:
     """Fly a batch; runs on a worker."""
     import jax
 
@@ -35,7 +37,7 @@ def _task(cases: str, width: int, x64: bool, expected: dict[str, str]) -> dict[s
     jax.config.update("jax_enable_x64", x64)
     from .batch import solve
 
-    study = Study.from_json(cases)
+    study = Study.from_json(cases) if isinstance(cases, str) else cases
     return solve(study, np.arange(len(study)), width)
 
 
@@ -70,17 +72,9 @@ def connected(cluster: Any, tell: bool = True) -> Iterator[Any]:
         yield client
 
 
-def _part(study: Study, index: np.ndarray) -> Study:
-    """A study of some of the cases alone."""
-    return Study(
-        cases=study.columns(index),
-        setup=study.setup,
-        rtol=study.rtol,
-        atol=study.atol,
-        max_time=study.max_time,
-        max_steps=study.max_steps,
-        times=study.times,
-    )
+def _sent(study: Study) -> str | Study:
+    """A study as its text; as itself where only its program knows its parts."""
+    return study if study.own else study.to_json()
 
 
 def solve_on_cluster(
@@ -105,8 +99,7 @@ def solve_on_cluster(
     width = width or _WIDTH
     futures = {}
     for part in np.split(rows, np.arange(width, len(rows), width)):
-        cases = _part(study, order[part]).to_json()
-        told = cases, width, x64, versions()
+        told = _sent(study.part(order[part])), width, x64, versions()
         futures[client.submit(_task, *told, retries=_RETRIES, pure=False)] = part
     kept = "what is finished is kept if there is a store: run the same study again"
     try:

@@ -16,9 +16,8 @@ import xarray as xr
 from .._lib.formats import marked
 from .._lib.parameters import PARAMETERS
 from .._lib.units import labelled
-from ..flight.dynamics import ANGLES, OMEGA, POSITION, VELOCITY
-from ..flight.ends import Outcome
-from .study import Study
+from ..flight.dynamics import ANGLES, OMEGA, POSITION, RIGID, VELOCITY
+from .plan import AbstractPlan
 
 # name: (part of the state, trailing dimensions, unit, long name, radians inside)
 _STATES: dict[str, tuple[Any, tuple[str, ...], str, str, bool]] = {
@@ -72,27 +71,23 @@ def stamp(data: xr.Dataset, settings: Mapping[str, Any], kind: str) -> xr.Datase
     )
 
 
-def about(name: str) -> dict[str, str]:
-    """Attributes of a parameter's coordinate."""
-    return labelled(PARAMETERS[name].unit, PARAMETERS[name].meaning)
-
-
-def study_coordinates(study: Study) -> dict[str, Any]:
+def study_coordinates(study: AbstractPlan) -> dict[str, Any]:
     """The parameters of a study: dimensions of a grid, coordinates along `case` of a list, and
     single numbers where they are fixed."""
     dim = {name: "case" if study.cases is not None else name for name in study.varied}
-    varied = {name: (dim[name], values, about(name)) for name, values in study.varied.items()}
-    return varied | {name: ((), value, about(name)) for name, value in study.fixed.items()}
+    given = {name: (dim[name], values) for name, values in study.varied.items()}
+    given |= {name: ((), value) for name, value in study.fixed.items()}
+    return {name: (*value, labelled(*study.about(name))) for name, value in given.items()}
 
 
-def _outcome_attributes() -> dict[str, Any]:
+def _outcome_attributes(outcomes: Mapping[int, str]) -> dict[str, Any]:
     return {
-        "flag_values": np.array([int(o) for o in Outcome], dtype=np.int32),
-        "flag_meanings": " ".join(str(o).replace(" ", "_") for o in Outcome),
+        "flag_values": np.array(list(outcomes), dtype=np.int32),
+        "flag_meanings": " ".join(word.replace(" ", "_") for word in outcomes.values()),
     }
 
 
-def study_dataset(study: Study, flown: Mapping[str, np.ndarray]) -> xr.Dataset:
+def study_dataset(study: AbstractPlan, flown: Mapping[str, np.ndarray]) -> xr.Dataset:
     """Results of a study as a dataset in the units people read.
 
     Args:
@@ -105,8 +100,7 @@ def study_dataset(study: Study, flown: Mapping[str, np.ndarray]) -> xr.Dataset:
     coordinates: dict[str, Any] = {"axis": list(_AXES), "turn": list(_TURNS)}
     coordinates |= study_coordinates(study)
     coordinates["max_time"] = ((), study.max_time, labelled("s", "longest flight"))
-    dims = tuple(study.varied) if study.cases is None else ("case",)
-    variables = {}
+    dims, variables = study.dims, {}
     flown = dict(flown)
     states = flown.pop("states", None)
     if states is not None:
@@ -119,12 +113,16 @@ def study_dataset(study: Study, flown: Mapping[str, np.ndarray]) -> xr.Dataset:
             values = states[..., part].reshape(*study.shape, *states[..., part].shape[1:])
             values = np.rad2deg(values) if radians else values
             variables[name] = ((*dims, "sample", *trailing), values, labelled(unit, long_name))
+        if study.state_size > RIGID:
+            own = states[..., RIGID:].reshape(*study.shape, *states[..., RIGID:].shape[1:])
+            said = labelled("mixed", "own states of motion and aerodynamics")
+            variables["own_states"] = ((*dims, "sample", "own_state"), own, said)
     for name, values in flown.items():
         trailing, unit, long_name, radians = _VARIABLES[name]
         values = values.reshape(*study.shape, *values.shape[1:])
         attributes = labelled(unit, long_name)
         if name == "outcome":
-            attributes |= _outcome_attributes()
+            attributes |= _outcome_attributes(study.outcomes)
         values = np.rad2deg(values) if radians else values
         variables[name] = ((*dims, *trailing), values, attributes)
     settings = {**study.setup, "rtol": study.rtol, "atol": study.atol}

@@ -29,15 +29,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.writing import BusyError, WriteError, alone, make_folder, sync, write_bytes, writing
+from .plan import AbstractPlan, Plan
 from .records import _VARIABLES, versions
-from .study import Study
 
-_FORMAT = "jaxglide sweep 2"
+_FORMAT = "jaxglide sweep 3"
 _GLIDES = 16  # in a chunk, at least: less would be lost by a kill, but the disk takes its time
 _CHUNKS = 1024  # at most: every one has a file of each array
 _VERSIONS = ("jaxglide", "jax", "jaxlib", "diffrax", "equinox", "optimistix")  # in the results
 _LARGEST = 2**28  # bytes of a study's text
-_SIZES = {"axis": 3, "turn": 3, "state": 13}
+_SIZES = {"axis": 3, "turn": 3}
 _WHOLE = ("outcome", "accepted", "rejected")
 _LITTER = r"-[0-9a-f]{16}"  # what `_files.replacing` and `_create` call what is not whole yet
 
@@ -69,7 +69,7 @@ def precision() -> str:
     return jnp.result_type(float).name
 
 
-def layout(study: Study, kind: str) -> dict[str, Layout]:
+def layout(study: AbstractPlan, kind: str) -> dict[str, Layout]:
     """What a sweep keeps of every glide (see `batch.results`), by name.
 
     Args:
@@ -77,6 +77,8 @@ def layout(study: Study, kind: str) -> dict[str, Layout]:
         kind: float32 or float64.
     """
     sizes = {**_SIZES, "sample": len(study.times or ())}
+    if study.times is not None:
+        sizes["state"] = study.state_size
     found = {}
     for name, (dims, unit, long_name, radians) in _VARIABLES.items():
         about = {"units": "rad" if radians else unit, "long_name": long_name}
@@ -89,7 +91,7 @@ def layout(study: Study, kind: str) -> dict[str, Layout]:
     }
 
 
-def blank(study: Study, kind: str) -> dict[str, np.ndarray]:
+def blank(study: AbstractPlan, kind: str) -> dict[str, np.ndarray]:
     """Results of no glide yet, by name, (N, ...): -1 and NaN."""
     return {name: array.blank(len(study)) for name, array in layout(study, kind).items()}
 
@@ -157,7 +159,7 @@ class Store:
         root: bytes of the group's `zarr.json`; by default those of a new store.
     """
 
-    def __init__(self, path: str | Path, study: Study, root: bytes | None = None):
+    def __init__(self, path: str | Path, study: AbstractPlan, root: bytes | None = None):
         self.path = Path(path)
         self.study = study
         told = versions()
@@ -328,7 +330,7 @@ class Store:
             ) from error
 
 
-def bytes_of(study: Study, kind: str) -> int:
+def bytes_of(study: AbstractPlan, kind: str) -> int:
     """Size of all results."""
     each = (math.prod(a.shape) * a.dtype.itemsize for a in layout(study, kind).values())
     return math.prod(study.shape) * sum(each)
@@ -347,7 +349,7 @@ def check_memory(what: str | Path, size: int) -> None:
 
 
 @contextlib.contextmanager
-def opened(path: str | Path, study: Study, tell: bool = True) -> Iterator[Store]:
+def opened(path: str | Path, study: AbstractPlan, tell: bool = True) -> Iterator[Store]:
     """The store of a study, made if there is none, held until the block ends.
 
     Another process that asks for it waits, and then finds what this one did. A complete store
@@ -396,7 +398,7 @@ def load(path: str | Path) -> Store:
     if found.get("format") != _FORMAT:
         raise StoreError(f"{path} is not a store that this version of jaxglide makes")
     try:
-        study = Study.from_json(found["study"])
+        study = Plan.from_json(found["study"])
         if found["precision"] not in ("float32", "float64"):
             raise ValueError(f"precision {found['precision']}")
     except (KeyError, TypeError, ValueError, RecursionError) as error:

@@ -1,32 +1,28 @@
 """What a sweep is to compute: cases, what is fixed, and how to solve."""
 
-import hashlib
-import json
-import math
+import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, InitVar, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
-from .._lib.checks import check_integer, check_range
-from .._lib.parameters import MAX_STEPS, MAX_TIME, PARAMETERS, SOLVER, TOLERANCE
-from .cases import as_array, as_number, check_parameters, check_setup
-from .study_file import Span, read_study_file, read_study_text
-
-MOST_CASES = 10**7
-"""Most cases of one study."""
-
-
-def check_number_of_cases(sizes: Mapping[str, int]) -> None:
-    """Raise `ValueError` where a grid of that many values by name has too many cases."""
-    total = math.prod(sizes.values())
-    if total > MOST_CASES:
-        said = " x ".join(f"{name} {size}" for name, size in sizes.items())
-        raise ValueError(
-            f"the study has {total} cases ({said}); at most {MOST_CASES} are allowed"
-        )
+from .._lib import paths
+from .._lib.checks import check_kind, check_shapes
+from .._lib.parameters import MAX_STEPS, MAX_TIME, SOLVER, TOLERANCE
+from ..flight.case import Case
+from ..flight.dynamics import Glider
+from ..flight.ends import AbstractEnd, Outcome, default_ends, outcome_words
+from ..flight.launch import Launch
+from .base import check_setup, published_case
+from .cases import as_array, as_number
+from .identity import case_of_record, case_record, floats_as_arrays, own_parts, state_size
+from .plan import MOST_CASES as MOST_CASES
+from .plan import AbstractPlan, Told, check_number_of_cases, read_text
+from .study_file import Span, read_study_file
 
 
 def expanded(grid: Mapping[str, Sequence[float] | Span]) -> dict[str, Any]:
@@ -36,7 +32,6 @@ def expanded(grid: Mapping[str, Sequence[float] | Span]) -> dict[str, Any]:
     found = {}
     for name, values in grid.items():
         if isinstance(values, Span):
-            check_parameters({name: (values.start, values.stop)})
             if values.count == 1 and values.start != values.stop:
                 raise ValueError(
                     f"{name} from {values.start:g} to {values.stop:g} is more than 1 value"
@@ -47,23 +42,29 @@ def expanded(grid: Mapping[str, Sequence[float] | Span]) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
-    """A grid or a list of cases over any parameters of glider and launch.
+class Study(AbstractPlan):
+    """A grid or a list of cases over any floats of a glider, its launch and its ends.
 
-    Values are in the units people read (see `parameters.PARAMETERS`).
+    What is varied is named by its path, `gait.nu_theta`, `air.velocity[0]`, or by its short
+    name, `nu_theta`, in the units people read (see `Case`). What is fixed, and all floats of
+    the base, are traced: the same study with another height or mass compiles nothing.
 
     Args:
         grid: values by name; every combination is a case, the last name varying fastest.
         cases: values by name, all of one length N; the n-th of each make a case. Give
             either `grid` or `cases`.
         fixed: values of other parameters.
-        setup: "polar", "node_set", "nodes".
+        setup: "polar", "node_set", "nodes" of the published snake.
         rtol, atol: tolerances.
         max_time: longest flight [s].
         max_steps: most solver steps.
         times: times [s] at which to keep every trajectory, (T,), or None.
+        case: the base, whose values hold where nothing else is given; by default the
+            published snake, its amplitude on the shape line and its mass by its length.
+        glider, launch, ends: the base in parts, instead of `case`.
 
     Raises:
+        TypeError: a part of another type.
         ValueError: an unknown name, a value out of range, or lengths that differ.
     """
 
@@ -76,8 +77,13 @@ class Study:
     max_time: float = MAX_TIME
     max_steps: int = MAX_STEPS
     times: Any = None
+    _: KW_ONLY
+    case: Case = None  # type: ignore[assignment]
+    glider: InitVar[Glider | None] = None
+    launch: InitVar[Launch | None] = None
+    ends: InitVar[AbstractEnd | Sequence[AbstractEnd] | None] = None
 
-    def __post_init__(self):
+    def __post_init__(self, glider, launch, ends):
         """Check every value, and keep it as Python's or NumPy's plain kind."""
         if (self.grid is None) == (self.cases is None):
             raise ValueError("a study has either a grid or cases")
@@ -88,117 +94,65 @@ class Study:
         varied = getattr(self, kind)
         if not varied:
             raise ValueError("a study varies at least one parameter")
-        arrays = {name: as_array(name, values) for name, values in varied.items()}
-        check_parameters(arrays)
-        sizes = {name: array.size for name, array in arrays.items()}
-        if self.cases is not None and len(set(sizes.values())) > 1:
-            said = ", ".join(f"{name} {size}" for name, size in sizes.items())
-            raise ValueError(f"cases differ in length: {said}")
-        check_number_of_cases(sizes if self.cases is None else {"case": max(sizes.values())})
-        for name, values in arrays.items() if kind == "grid" else ():
-            ordered = np.sort(values)
-            same = ordered[1:][ordered[1:] == ordered[:-1]]
-            if same.size:
-                raise ValueError(f"{name} = {same[0]:g} stands twice in the grid")
-        fixed = {name: as_number(name, value) for name, value in self.fixed.items()}
-        check_parameters(fixed)
-        for name in fixed:
-            if name in arrays:
-                raise ValueError(f"{name} is both varied and fixed")
-        solver = {name: as_number(name, getattr(self, name)) for name in (*SOLVER, "max_time")}
-        for name, p in SOLVER.items():
-            check_range(name, solver[name], p.unit, p.low, p.high, low_open=p.low_open)
-        check_range("max_time", solver["max_time"], "s", 0, 1e4, low_open=True)
-        check_integer("max_steps", self.max_steps, 1, 10**9)
-        plain = {kind: arrays, "fixed": fixed, "setup": check_setup(self.setup), **solver}
-        plain |= {"max_steps": int(self.max_steps), "times": self._kept_times(solver)}
-        for name, value in plain.items():
+        case, setup = base_of(self.setup, self.case, glider, launch, ends)
+        arrays = _named(case, {n: as_array(n, v) for n, v in varied.items()})
+        fixed = _named(case, {n: as_number(n, v) for n, v in self.fixed.items()})
+        solver = {n: as_number(n, getattr(self, n)) for n in (*SOLVER, "max_time")}
+        times = None if self.times is None else tuple(as_array("times", self.times).tolist())
+        plain = {kind: arrays, "fixed": fixed, "setup": setup, "case": case, "times": times}
+        for name, value in (plain | solver).items():
             object.__setattr__(self, name, value)
+        self._check()
+        object.__setattr__(self, "max_steps", int(self.max_steps))
 
-    def _kept_times(self, solver: Mapping[str, float]) -> tuple[float, ...] | None:
-        if self.times is None:
+    @cached_property
+    def base(self) -> Case:
+        """The case with what is fixed, every float of it an array."""
+        return fixed_case(self.case, self.fixed)
+
+    @cached_property
+    def told(self) -> Told | None:
+        if self.setup:
             return None
-        times = as_array("times", self.times)
-        check_range("times", times, "s", 0, solver["max_time"])
-        if np.any(np.diff(times) < 0):
-            raise ValueError("times must increase")
-        return tuple(times.tolist())
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Study):
-            return NotImplemented
-        return self.to_json() == other.to_json()
-
-    def __hash__(self) -> int:
-        return hash(self.to_json())
+        known = {n: self.case.parameter(n) for n in (*self.varied, *self.fixed)}
+        others = list(outcome_words(self.case.ends).values())[len(Outcome) :]
+        return Told(
+            case=case_record(self.case),
+            about={name: (p.unit, p.meaning) for name, p in known.items()},
+            words=tuple(others),
+            state=state_size(self.case),
+        )
 
     @property
-    def varied(self) -> dict[str, np.ndarray]:
-        """The values given, by name: of the grid's axes or of the cases."""
-        found = self.grid if self.cases is None else self.cases
-        return dict(found)  # type: ignore[arg-type]
+    def own(self) -> bool:
+        """Whether the base has parts that are not the package's."""
+        return bool(not self.setup and own_parts(self.case))
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the grid, or (N,)."""
-        if self.cases is None:
-            return tuple(len(values) for values in self.varied.values())
-        return (len(next(iter(self.varied.values()))),)
-
-    def __len__(self) -> int:
-        return int(np.prod(self.shape))
-
-    def columns(self, index: np.ndarray) -> dict[str, np.ndarray]:
-        """Values by name of the cases at `index`, (n,), fixed ones included, each (n,)."""
-        if self.cases is None:
-            places = np.unravel_index(index, self.shape)
-            varied = zip(self.varied.items(), places, strict=True)
-            found = {name: values[place] for (name, values), place in varied}
-        else:
-            found = {name: values[index] for name, values in self.varied.items()}
-        return found | {name: np.full(len(index), x) for name, x in self.fixed.items()}
-
-    def order(self) -> np.ndarray:
-        """Case numbers in an order that puts flights of similar length together, (N,).
-
-        Longer from higher up and with faster undulation; cases expected equal stay in the
-        order of the grid, where neighbours are alike.
-        """
-        column = self.columns(np.arange(len(self)))
-        height = column.get("height", PARAMETERS["height"].default)
-        f_theta = column.get("f_theta", PARAMETERS["f_theta"].default)
-        time = np.sqrt(np.asarray(height)) + np.asarray(height) / 5
-        expected = np.broadcast_to(time * (0.5 + np.asarray(f_theta)), (len(self),))
-        return np.argsort(np.round(expected, 6), kind="stable")
-
-    def to_json(self) -> str:
-        """The study as canonical JSON, exact to the last bit."""
-        kind = "grid" if self.cases is None else "cases"
-        record = {
-            kind: [[name, values.tolist()] for name, values in self.varied.items()],
-            "fixed": self.fixed,
-            "setup": self.setup,
-            "rtol": self.rtol,
-            "atol": self.atol,
-            "max_time": self.max_time,
-            "max_steps": self.max_steps,
-            "times": self.times,
-        }
-        return json.dumps(record, sort_keys=True)
+    def part(self, index: np.ndarray) -> "Study":
+        """A study of some of the cases alone, (n,)."""
+        return dataclasses.replace(self, grid=None, cases=self.lanes(index))
 
     @classmethod
-    def from_json(cls, text: str) -> "Study":
+    def from_json(cls, text: str, case: Case | None = None) -> "Study":
         """The study that `to_json` wrote.
 
-        Raises:
-            ValueError: it did not write that.
-        """
-        return cls(**read_study_text(text))
+        Args:
+            text: its text.
+            case: its base, where that has parts of a user's own.
 
-    @property
-    def fingerprint(self) -> str:
-        """SHA-256 of the canonical JSON."""
-        return hashlib.sha256(self.to_json().encode()).hexdigest()
+        Raises:
+            ValueError: it did not write that, or of another base.
+        """
+        given = read_text(text)
+        told = given.pop("base")
+        if told is None and case is not None:
+            raise ValueError("the study flies the published snake: it takes no case")
+        if told is not None:
+            given["case"] = case_of_record(told.case) if case is None else case
+        study = cls(**given)
+        if case is not None and study.told != told:
+            raise ValueError("the study flies another case than this one")
+        return study
 
     @classmethod
     def from_file(cls, path: str | Path) -> "Study":
@@ -221,3 +175,84 @@ class Study:
             if grid:
                 tables["grid"] = expanded(grid)
             return cls(**tables, **solver)
+
+
+def base_of(
+    setup: Mapping[str, Any],
+    case: Case | None,
+    glider: Glider | None = None,
+    launch: Launch | None = None,
+    ends: Any = None,
+) -> tuple[Case, dict[str, Any]]:
+    """The base case that is given, whole or in parts, or the published snake.
+
+    Returns:
+        The case, and the full setup of the published snake; of any other base it is empty.
+
+    Raises:
+        TypeError: a part of another type.
+        ValueError: two bases, or an unknown setting.
+    """
+    parts = {"glider": glider, "launch": launch, "ends": ends}
+    given = [name for name, part in parts.items() if part is not None]
+    if case is not None:
+        check_kind("case", case, Case)
+        if given or setup:
+            other = given[0] if given else "setup"
+            raise ValueError(f"give a case or {other}, not both")
+        return case, {}
+    if glider is not None and setup:
+        raise ValueError("setup is of the published snake: a glider of one's own has its own")
+    base = published_case(setup) if glider is None else None
+    if base is not None and not given:
+        return base, check_setup(setup)
+    launch = Launch() if launch is None else launch
+    ends = default_ends() if ends is None else ends
+    if base is None:
+        return Case(glider, launch, ends), {}
+    return Case(base.glider, launch, ends, base.follow), {}
+
+
+def fixed_case(case: Case, fixed: Mapping[str, float]) -> Case:
+    """A case with other values, which do not follow from others any more."""
+    given = {case.path(name) for name in fixed}
+    case = case.replace(fixed)
+    follow = tuple(path for path in case.follow if path not in given)
+    return floats_as_arrays(Case(case.glider, case.launch, case.ends, follow))
+
+
+def _named(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by the briefest name that means each, checked.
+
+    Raises:
+        ValueError: an unknown name, one of several numbers, two that mean the same, or a
+            value out of range.
+    """
+    found = {}
+    for name, value in values.items():
+        path = case.path(name)
+        if case.name(path) in found:
+            raise ValueError(f"{name} is named twice: it means {path}")
+        _check_single(case, name, path)
+        case.check({name: value})
+        found[case.name(path)] = value
+    return found
+
+
+def _check_single(case: Case, name: str, path: str) -> None:
+    """Raise `ValueError` unless a path means one number."""
+    value = case.value(path)
+    if value is None:
+        inside = f"glider.{path}" if hasattr(case.glider, path.split(".")[0]) else path
+        owner = inside.rpartition(".")[0]
+        check_shapes(paths.get(case.replace({path: 0.0}), owner))
+    elif np.ndim(value):
+        raise ValueError(
+            f"{name} is not one number but of shape {np.shape(value)}: name one of them, such "
+            f"as {name}[{','.join('0' * np.ndim(value))}]"
+        )
+
+
+def nodes_of(case: Case) -> int:
+    """How many nodes a body has."""
+    return jax.eval_shape(lambda: case.glider.body.sections().chord).shape[0]

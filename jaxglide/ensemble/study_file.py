@@ -1,14 +1,15 @@
 """The structure of a study file, declared once."""
 
+import math
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from .._lib.documents import fitted, read_toml
-from .._lib.parameters import CHOICES, PARAMETERS
+from .._lib.parameters import CHOICES
 
 
 class Span(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -19,20 +20,13 @@ class Span(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     count: Annotated[int, Meta(ge=1, le=10**7)]
 
     def values(self) -> np.ndarray:
-        """All of them, (count,)."""
+        """All of them, (count,); of ends that are not finite these alone, to be refused."""
+        if not (math.isfinite(self.start) and math.isfinite(self.stop)):
+            return np.array([self.start, self.stop])
         return np.linspace(self.start, self.stop, self.count)
 
 
-def _table(name: str, kind: Any, names) -> Any:
-    """A table of entries of one kind, each of which may be left out."""
-    fields = [(entry, kind | UnsetType, UNSET) for entry in names]
-    return msgspec.defstruct(name, fields, forbid_unknown_fields=True, frozen=True)
-
-
 Values = Annotated[list[float], Meta(min_length=1)]
-Grid: TypeAlias = _table("Grid", Values | Span, PARAMETERS)  # type: ignore[valid-type]
-Cases: TypeAlias = _table("Cases", Values, PARAMETERS)  # type: ignore[valid-type]
-Fixed: TypeAlias = _table("Fixed", float, PARAMETERS)  # type: ignore[valid-type]
 
 
 class Setup(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -56,9 +50,9 @@ class Solver(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 class StudyFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A study as it stands in a file."""
 
-    grid: Grid | UnsetType = UNSET
-    cases: Cases | UnsetType = UNSET
-    fixed: Fixed | UnsetType = UNSET
+    grid: dict[str, Values | Span] | UnsetType = UNSET
+    cases: dict[str, Values] | UnsetType = UNSET
+    fixed: dict[str, float] | UnsetType = UNSET
     setup: Setup | UnsetType = UNSET
     solver: Solver | UnsetType = UNSET
 
@@ -85,35 +79,10 @@ def read_study_file(path: str | Path) -> dict[str, dict[str, Any]]:
     document = read_toml(path)
     found = fitted(document, StudyFile, path, _HINTS)
     return {  # in the order of the file: the last name of a grid varies fastest
-        name: {entry: getattr(getattr(found, name), entry) for entry in table}
+        name: {entry: _entry(getattr(found, name), entry) for entry in table}
         for name, table in document.items()
     }
 
 
-class _Text(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A study as `Study.to_json` writes it."""
-
-    fixed: dict[str, float]
-    setup: dict[str, str | int]
-    rtol: float
-    atol: float
-    max_time: float
-    max_steps: int
-    grid: list[tuple[str, list[float]]] | None = None
-    cases: list[tuple[str, list[float]]] | None = None
-    times: list[float] | None = None
-
-
-def read_study_text(text: str) -> dict[str, Any]:
-    """Arguments of the study whose `to_json` is `text`.
-
-    Raises:
-        ValueError: it is no JSON, or not of that structure.
-    """
-    try:
-        record = msgspec.structs.asdict(msgspec.json.decode(text, type=_Text))
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"this is not the text of a study: {error}") from None
-    for kind in ("grid", "cases"):
-        record[kind] = None if record[kind] is None else dict(record[kind])
-    return record
+def _entry(table: Any, name: str) -> Any:
+    return table[name] if isinstance(table, dict) else getattr(table, name)

@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,10 +11,10 @@ import xarray as xr
 from .._lib.checks import check_kind, check_range, warn_float32
 from .._lib.parameters import HELD_SPEED, MAX_STEPS, MAX_TIME
 from .._lib.units import labelled
+from ..flight.ends import default_ends
 from ..tunnel.fall import fall, read_records
 from ..tunnel.loads import MOMENT_PHASES, check_angles, over_phases
-from .batch import spread
-from .cases import build
+from .batch import shared, spread
 from .records import stamp, study_coordinates
 from .study import Study
 
@@ -38,12 +39,13 @@ _VARIABLES = {
 
 
 @lru_cache(maxsize=16)
-def _faller(setup, options, devices):
-    options = dict(options)
+def _faller(structure, leaves, options, devices):
+    static, options = jax.tree.unflatten(structure, leaves), dict(options)
 
-    def one(case, rtol, atol):
-        glider, launch = build(case, dict(setup))
-        fallen = fall(glider, launch, rtol=rtol, atol=atol, **options)
+    def one(values, arrays, angles, rtol, atol):
+        case = eqx.combine(arrays, static).replace(values)
+        tolerances = {"rtol": rtol, "atol": atol}
+        fallen = fall(case.glider, case.launch, angles=angles, **tolerances, **options)
         return {
             "outcome": fallen.outcome,
             "time": fallen.time,
@@ -52,19 +54,19 @@ def _faller(setup, options, devices):
             "last": fallen.last.astype(jnp.int32),
         }
 
-    return spread(one, devices, 2)
+    return spread(one, devices, 4)
 
 
 @lru_cache(maxsize=16)
-def _reader(setup, phases, devices):
-    def one(case, angles, times):
-        case = dict(case)
-        states = case.pop("states")
-        glider, _ = build(case, dict(setup))
-        read = read_records(glider, angles, times, states, phases)
+def _reader(structure, leaves, phases, devices):
+    static = jax.tree.unflatten(structure, leaves)
+
+    def one(lane, arrays, angles, times):
+        glider = eqx.combine(arrays, static).replace(lane["values"]).glider
+        read = read_records(glider, angles, times, lane["states"], phases)
         return {"aerodynamic": read.aerodynamic, "inertial": read.inertial}
 
-    return spread(one, devices, 2)
+    return spread(one, devices, 3)
 
 
 def survey(
@@ -101,22 +103,20 @@ def survey(
     held = check_angles(angles, phases)
     check_range("interval", interval, "s", 1e-4, 10, shape=())
     check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True, shape=())
-    given = study.columns(np.arange(len(study)))
-    columns = {"speed": np.full(len(study), HELD_SPEED), **given}
-    devices, setup = tuple(jax.local_devices()), tuple(sorted(study.setup.items()))
-    options = {
-        "interval": float(interval),
-        "max_time": float(max_time),
-        "angles": tuple(held.tolist()),
-    }
-    tolerances = jnp.asarray(study.rtol), jnp.asarray(study.atol)
-    fallen = _faller(setup, tuple(options.items()), devices)(columns, len(study), *tolerances)
+    lanes = study.lanes(np.arange(len(study)))
+    base, devices = study.base, tuple(jax.local_devices())
+    if base.launch.speed is None and "launch.speed" not in map(base.path, lanes):
+        base = base.replace({"launch.speed": HELD_SPEED})
+    arrays, key = shared(base)
+    options = {"interval": float(interval), "max_time": float(max_time)}
+    limits = np.asarray(study.rtol), np.asarray(study.atol)
+    drop = _faller(*key, tuple(options.items()), devices)
+    fallen = drop(lanes, len(study), arrays, held, *limits)
     records = int(fallen["last"].max()) + 1
     states = fallen.pop("states")[:, :records]
     times = interval * np.arange(records)
-    read = _reader(setup, phases, devices)(
-        {**columns, "states": states}, len(study), held, times
-    )
+    look = _reader(*key, phases, devices)
+    read = look({"values": lanes, "states": states}, len(study), arrays, held, times)
     aerodynamic, inertial = 1e3 * read["aerodynamic"], 1e3 * read["inertial"]
     of_air, of_shape = (over_phases(jnp.asarray(m)) for m in (aerodynamic, inertial))
     values = {
@@ -130,7 +130,7 @@ def survey(
         "inertial_range": of_shape.peak_to_peak,
         "inertial_ratio": of_shape.peak_to_peak / of_air.peak_to_peak,
     }
-    return _dataset(study, values, times, phases, options)
+    return _dataset(study, values, times, phases, options | {"angles": held})
 
 
 def _check_study(study: Study) -> None:
@@ -142,13 +142,19 @@ def _check_study(study: Study) -> None:
                 f"{name} of the study has no effect on a survey: leave it out; `survey` takes "
                 "how long to fall and how often to record as max_time and interval"
             )
-    if "heading" in study.varied or "heading" in study.fixed:
-        raise ValueError("heading has no effect on a survey: a held glide stays in a plane")
+    for name in (*study.varied, *study.fixed):
+        path = study.case.path(name)
+        if path == "launch.heading":
+            raise ValueError("heading has no effect on a survey: a held glide stays in a plane")
+        if path.startswith(("ends[", "launch.angles", "launch.omega", "launch.phi_theta")):
+            raise ValueError(f"{name} has no effect on a survey: a held glide does not turn")
+    if not eqx.tree_equal(study.case.ends, default_ends()):
+        raise ValueError("ends have no effect on a survey: it ends at the ground")
     warn_float32(study.rtol, study.atol)
 
 
 def _dataset(study: Study, values, times, phases, options) -> xr.Dataset:
-    dims = tuple(study.varied) if study.cases is None else ("case",)
+    dims = study.dims
     coordinates = {
         "record": ("record", times, labelled("s", "time since launch")),
         "phase": ("phase", 360.0 / phases * np.arange(phases), labelled("deg", "phase")),
@@ -159,7 +165,7 @@ def _dataset(study: Study, values, times, phases, options) -> xr.Dataset:
         "turn": ["yaw", "pitch", "roll"],
         "held_angles": (
             "turn",
-            np.rad2deg(options["angles"]),
+            np.rad2deg(np.asarray(options["angles"])),
             labelled("deg", "held yaw, pitch, roll"),
         ),
         "interval": ((), options["interval"], labelled("s", "between records")),

@@ -21,8 +21,8 @@ WRONG = {
     "grid = 5": rf"grid = 5 is not a table; {GRID}",
     "[[grid]]\nnu_theta=[1]": rf"grid = \[\{{'nu_theta': \[1\]\}}\] is not a table; {GRID}",
     "grid = true": rf"grid = True is not a table; {GRID}",
-    "[grid]\nneck_fraction=[0.5]\n[fixed]\nheight=0.3": r"neck_fraction = 0.5 is not allowed: "
-    r"it must be finite and in \(0, 0.5\)",
+    "[grid]\nneck_fraction=[0.5]\n[fixed]\nheight=0.3": r"neck_fraction = 0.5 of SVL is not "
+    r"allowed: it must be finite and in \(0, 0.5\)",
     "setup=['polar']\n[grid]\nnu_theta=[1]": r"setup = \['polar'\] is not a table; \[setup\] "
     r"holds polar \(published or smooth\), node_set \(published or gauss\), nodes",
     "[grid]\nnu_theta={start=inf,stop=inf,count=3}": r"nu_theta = inf is not allowed: it "
@@ -35,7 +35,7 @@ WRONG = {
     "[grid]\nnu_theta={start=1,stop=2,coun=3}": "'coun' in grid.nu_theta: known are start",
     "[grid]\nnu_theta={start=1,stop=2,count=0}": "grid.nu_theta.count = 0 .* must be >= 1",
     "[grid]\nnu_theta=[true]": r"grid.nu_theta\[0\] = True is not a number",
-    "[grid]\nwings=[1]": "no entry 'wings' in grid: known are nu_theta, theta_m",
+    "[grid]\nwings=[1]": "there is no parameter 'wings': known are svl, mass, ",
     "wings=1": "no entry 'wings': known are grid, cases, fixed, setup, solver",
     "[grid]\nnu_theta=[1]\n[solver]\nmax_steps=1.5": r"solver.max_steps = 1.5 is not a whole",
     "[grid]\nnu_theta=[1]\n[solver]\nmax_steps=0": r"max_steps = 0 is not allowed",

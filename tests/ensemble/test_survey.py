@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from jaxglide import Launch
-from jaxglide.ensemble.cases import build, check_setup
+from jaxglide.ensemble.base import published_case
 from jaxglide.ensemble.published import BENDS, NU_THETA, bending_study
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import survey
@@ -54,7 +54,8 @@ def test_a_survey_is_labelled(data, study, tmp_path):
 def test_a_survey_is_what_single_falls_and_loads_say(data, study):
     for i, j in ((0, 0), (1, 2)):
         case = {name: float(v[3 * i + j]) for name, v in study.columns(np.arange(6)).items()}
-        glider, launch = build({"speed": 1.7, **case}, study.setup)
+        chosen = published_case(study.setup).replace({"speed": 1.7, **case})
+        glider, launch = chosen.glider, chosen.launch
         fallen = fall(
             glider, launch, angles=(0.0, 0.1, 0.0), interval=0.1, rtol=1e-6, atol=1e-6
         )
@@ -122,7 +123,7 @@ def test_what_a_survey_has_no_use_for_is_refused(given, name):
 
 @pytest.mark.parametrize("given", [{"angles": (0, 0, 0)}, {"phi_theta": 1}, {"heading": 0.1}])
 def test_what_a_held_glide_has_no_use_for_is_refused(given):
-    glider = build({}, check_setup({}))[0]
+    glider = published_case().glider
     with pytest.raises(ValueError, match=f"{next(iter(given))} .*no effect on a held glide"):
         fall(glider, Launch(**given))
 
@@ -133,7 +134,7 @@ def test_a_held_glide_in_float32_is_told_of(monkeypatch):
 
     monkeypatch.setattr(sys.modules[fall.__module__], "_dropped", interrupted)
     with jax.enable_x64(False):
-        glider = build({}, check_setup({"nodes": 8}))[0]
+        glider = published_case({"nodes": 8}).glider
         for compute in (fall, trim):
             with (
                 pytest.warns(UserWarning, match="too tight for float32") as said,

@@ -20,14 +20,12 @@ import xarray as xr
 import zarr
 
 from jaxglide import Gait, Glide, Glider, Launch, Polar, Snake, cli, simulate
-from jaxglide._lib.parameters import PARAMETERS
 from jaxglide._lib.writing import write_netcdf
 from jaxglide.ensemble import batch
 from jaxglide.ensemble import cluster as on_cluster
 from jaxglide.ensemble import store as stores
 from jaxglide.ensemble import sweep as module
 from jaxglide.ensemble.batch import default_width, solve
-from jaxglide.ensemble.cases import build, check_setup
 from jaxglide.ensemble.store import Store, StoreError, layout, opened
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
@@ -191,11 +189,19 @@ def finished(study, tmp_path, monkeypatch):
     return tmp_path / "s.zarr"
 
 
+def traced(study):
+    """What flies one case of a study, and arguments."""
+    arrays, (structure, leaves) = batch.shared(study.base)
+    one = batch._one(jax.tree.unflatten(structure, leaves), study.max_steps)
+    case = {name: values[0] for name, values in study.varied.items()}
+    times = None if study.times is None else np.asarray(study.times)
+    return one, case, arrays, times, 1e-6, 1e-6, study.max_time
+
+
 def test_a_store_keeps_what_a_sweep_keeps(study):
     """Names, shapes and types that a store declares are those of what is flown."""
     for one in (study, Study(GRID, **SHORT, times=[0.1, 0.2])):
-        case = {name: np.zeros(()) for name in one.columns(np.zeros(1, int))}
-        flown = jax.eval_shape(batch._one(*batch._key(one)), case, 1e-6, 1e-6)
+        flown = jax.eval_shape(*traced(one))
         declared = layout(one, "float64")
         assert {n: (v.shape, v.dtype) for n, v in flown.items()} == {
             n: (a.shape, a.dtype) for n, a in declared.items()
@@ -239,7 +245,7 @@ def test_another_store_is_refused(study, finished, monkeypatch, change, said):
         told = {**stores.versions(), "version_jaxglide": "9.9"}
         monkeypatch.setattr(stores, "versions", lambda: told)
     elif change == "old":
-        root.write_text(root.read_text().replace("sweep 2", "sweep 1"))
+        root.write_text(root.read_text().replace("sweep 3", "sweep 2"))
     elif change == "foreign":
         root.unlink()
     elif change == "precision":
@@ -524,8 +530,9 @@ def test_limits_reach_the_solver(monkeypatch):
 
     monkeypatch.setattr("jaxglide.ensemble.batch.simulate", fly)
     limited = Study(GRID, max_time=7.0, max_steps=77, times=[0.1])
-    jax.eval_shape(batch._one(*batch._key(limited)), {"nu_theta": 1.2}, 1e-6, 1e-6)
-    assert (given["max_time"], given["max_steps"], given["times"]) == (7.0, 77, (0.1,))
+    fly, *arguments = traced(limited)
+    fly(*arguments)
+    assert (given["max_time"], given["max_steps"], given["times"]) == (7.0, 77, [0.1])
 
 
 def test_every_parameter_reaches_its_place():
@@ -534,10 +541,18 @@ def test_every_parameter_reaches_its_place():
             "speed": 2.0, "elevation": 5.0, "heading": 7.0,
             "lift_scale": 1.5, "drag_scale": 0.5,
             "gravity": 9.0, "air_density": 1.2, "kinematic_viscosity": 1.7e-5}  # fmt: skip
-    assert set(case) == set(PARAMETERS)
-    glider, launch = build(case, check_setup({}))
+    study = Study({"nu_theta": [1.1]}, fixed={n: x for n, x in case.items() if n != "nu_theta"})
+    flown = study.base.replace({"nu_theta": 1.1})
+    glider, launch = flown.glider, flown.launch
     found = {}
-    for part in (glider.body, glider.gait, glider.aerodynamics.polar, glider.air, launch):
+    for part in (
+        glider,
+        glider.body,
+        glider.gait,
+        glider.aerodynamics.polar,
+        glider.air,
+        launch,
+    ):
         found |= vars(part)
     for name in ("theta_m", "psi_m", "d_psi", "d_theta", "elevation", "heading"):
         found[name] = np.rad2deg(found[name])

@@ -11,14 +11,13 @@ import tomllib
 import typing
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 
 LARGEST = 2**26
 """Most bytes of a document."""
 
-_Kind = TypeVar("_Kind", bound=msgspec.Struct)
 _WORDS = {
     "object": "a table",
     "array": "a list",
@@ -75,18 +74,20 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def fitted(
-    document: Mapping[str, Any],
-    kind: type[_Kind],
+    document: Any,
+    kind: Any,
     path: str | Path,
     hints: Mapping[str, str] | None = None,
-) -> _Kind:
+    place: str = "",
+) -> Any:
     """A document as what `kind` declares; numbers are not taken from texts or booleans.
 
     Args:
-        document: its entries.
+        document: its entries, or the value of one.
         kind: its structure.
         path: its file, for the message.
         hints: what is allowed, in words, by name of an entry at the top.
+        place: the entry whose value it is, such as `grid.nu_theta`.
 
     Raises:
         ValueError: it is not of that structure.
@@ -94,7 +95,7 @@ def fitted(
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        said = _in_words(str(error), document, kind, hints or {})
+        said = _in_words(str(error), document, kind, hints or {}, place)
         raise ValueError(f"{path}: {said}") from None
 
 
@@ -119,18 +120,21 @@ def shown(value: Any) -> str:
         return f"a number of {value.bit_length()} bits"
 
 
-def _in_words(problem: str, document: Any, kind: type, hints: Mapping[str, str]) -> str:
+def _in_words(
+    problem: str, document: Any, kind: Any, hints: Mapping[str, str], place: str
+) -> str:
     """What msgspec says, with the value and what is allowed."""
-    said, path = _PROBLEM.fullmatch(problem).groups()  # type: ignore[union-attr]
-    path = path or ""
+    said, inside = _PROBLEM.fullmatch(problem).groups()  # type: ignore[union-attr]
+    inside = inside or ""
+    path = place + ("." if place and inside[:1] not in ("", "[") else "") + inside
     hint = hints.get(re.split(r"[.[]", path)[0], "")
     hint = f"; {hint}" if hint else ""
     if unknown := _UNKNOWN.fullmatch(said):
-        place, known = f" in {path}" if path else "", ", ".join(_entries(kind, path))
-        return f"there is no entry {unknown['name']!r}{place}: known are {known}"
+        where, known = f" in {path}" if path else "", ", ".join(_entries(kind, inside))
+        return f"there is no entry {unknown['name']!r}{where}: known are {known}"
     if missing := _MISSING.fullmatch(said):
         return f"{missing['name']!r} is missing{f' in {path}' if path else ''}{hint}"
-    value = shown(_at(document, path))
+    value = shown(_at(document, inside))
     if wrong := _WRONG_TYPE.fullmatch(said):
         wanted = " or ".join(_WORDS.get(w, w) for w in wrong["wanted"].split(" | "))
         return f"{path} = {value} is not {wanted}{hint}"
@@ -141,9 +145,10 @@ def _in_words(problem: str, document: Any, kind: type, hints: Mapping[str, str])
 
 def _entries(kind: Any, path: str) -> tuple[str, ...]:
     """Names of the entries of the table at a path in a structure."""
-    for name in filter(None, path.split(".")):
-        field = next(f for f in msgspec.structs.fields(kind) if f.encode_name == name)
-        kinds = [field.type, *typing.get_args(field.type)]
+    for name in ("", *filter(None, path.split("."))):
+        if name:
+            kind = next(f for f in msgspec.structs.fields(kind) if f.encode_name == name).type
+        kinds = [kind, *typing.get_args(kind)]
         kind = next(k for k in kinds if hasattr(k, "__struct_fields__"))
     return kind.__struct_encode_fields__
 

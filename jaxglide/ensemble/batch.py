@@ -109,22 +109,11 @@ def _flier(structure, leaves: tuple, max_steps: int, devices: tuple):
 
 def shared(case: Case) -> tuple[Case, tuple]:
     """The arrays of a case, which all lanes share, and what a compiled function is kept by:
-    the case without them.
-
-    Raises:
-        TypeError: a part holds what has no hash, such as a list in a static field.
-    """
+    the case without them."""
     arrays, static = eqx.partition(case, eqx.is_array)
     leaves, structure = jax.tree.flatten(static)
-    key = structure, tuple(leaves)
-    try:
-        hash(key)
-    except TypeError as error:
-        raise TypeError(
-            f"what is not an array in a case must be hashable, as a text or a tuple is: {error}"
-        ) from None
     # of no device: they go to whatever devices the lanes are on
-    return jax.tree.map(np.asarray, arrays), key
+    return jax.tree.map(np.asarray, arrays), (structure, tuple(leaves))
 
 
 def default_width(study: Study) -> int:

@@ -1,24 +1,21 @@
 """What a case is, as a record: so that a store is never continued by another model."""
 
-import hashlib
-import inspect
+from collections.abc import Mapping
 from typing import Any
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from .._lib.fingerprint import fingerprint
+from .._lib.records import OwnPartError, decode, encode, own_parts
 from ..body.sections import discretise
 from ..flight.case import Case
-from ..flight.dynamics import Flight, six_degrees_of_freedom, with_own_states
+from ..flight.dynamics import RIGID, Flight, six_degrees_of_freedom, with_own_states
 from ..flight.ends import clearance
 from ..flight.launch import take_off
-
-_PACKAGE = __name__.split(".")[0]
-_FEW = 64  # numbers of an array that are told one by one
+from ..flight.parts import PARTS
 
 
 def floats_as_arrays(case: Case) -> Case:
@@ -30,25 +27,39 @@ def floats_as_arrays(case: Case) -> Case:
     return jax.tree.map(one, case)
 
 
-def own_parts(case: Case) -> list[str]:
-    """Names of the classes and functions in a case that are not the package's."""
-    found: dict[str, None] = {}
+def own_parts_of(case: Case) -> list[str]:
+    """Names of the classes and functions in a case that no file brings back."""
+    return list(own_parts(encode(case), PARTS))
 
-    def look(value: Any) -> None:
-        if isinstance(value, eqx.Module):
-            kind = type(value)
-            if kind.__module__.split(".")[0] != _PACKAGE:
-                found[kind.__qualname__] = None
-            for inner in vars(value).values():
-                look(inner)
-        elif isinstance(value, tuple | list):
-            for inner in value:
-                look(inner)
-        elif inspect.isroutine(value) or inspect.isclass(value):
-            found[value.__qualname__] = None
 
-    look(case)
-    return list(found)
+def case_record(case: Case) -> dict[str, Any]:
+    """A case as plain values: equal for cases that fly alike, to the last bit.
+
+    Returns:
+        `parts`, the record of all its parts, and `computed`, where some are a user's own, a
+        digest of what is computed; else None.
+    """
+    computed, parts = None, encode(case)
+    if list(own_parts(parts, PARTS)):
+        arrays, static = eqx.partition(floats_as_arrays(case), eqx.is_array)
+        now = jnp.zeros(())
+        computed = fingerprint(lambda a, t: _computed(a, static, t), arrays, now)
+    return {"parts": parts, "computed": computed}
+
+
+def case_of_record(record: Mapping[str, Any]) -> Case:
+    """The case of a record.
+
+    Raises:
+        ValueError: it has parts of a user's own, or is no such record.
+    """
+    try:
+        case = decode(record.get("parts"), PARTS)
+    except OwnPartError as error:
+        raise ValueError(f"{error}: give the study's case") from None
+    if not isinstance(case, Case):
+        raise ValueError("the base of the study is no Case")
+    return case
 
 
 def _computed(arrays: Case, static: Case, time):
@@ -58,45 +69,7 @@ def _computed(arrays: Case, static: Case, time):
     start = take_off(case.glider, case.launch, sections, diffrax.ForwardMode())
     flight = Flight(case.glider, sections, start.phi_theta)
     rates = six_degrees_of_freedom(time, start.state, flight)
-    return start, rates, clearance(case.ends, time, start.state)
-
-
-def _numbers(array) -> Any:
-    """The numbers of an array, or a digest of many."""
-    array = np.asarray(array)
-    if array.size <= _FEW:
-        return array.tolist()
-    return hashlib.sha256(array.astype(float).tobytes()).hexdigest()[:32]
-
-
-def case_record(case: Case) -> dict[str, Any]:
-    """A case as plain values: equal for cases that fly alike, to the last bit.
-
-    Of the package's own parts the case can be made again, see `case_of_record`; parts of a
-    user's own are told by the names of their classes, their floats, and a digest of what
-    is computed.
-    """
-    arrays, static = eqx.partition(floats_as_arrays(case), eqx.is_array)
-    leaves, _ = jax.tree_util.tree_flatten_with_path(arrays)
-    time = jnp.zeros(())
-    return {
-        "own": own_parts(case),
-        "follow": list(case.follow),
-        "floats": {jax.tree_util.keystr(path): _numbers(leaf) for path, leaf in leaves},
-        "computed": fingerprint(lambda a, t: _computed(a, static, t), arrays, time),
-    }
-
-
-def case_of_record(record: dict[str, Any]) -> Case:
-    """The case of a record.
-
-    Raises:
-        ValueError: it has parts of a user's own.
-    """
-    own = ", ".join(map(str, record.get("own", ()))) or "its own"
-    raise ValueError(
-        f"the study flies parts that only its program knows ({own}): give its case"
-    )
+    return start, rates, clearance(case.ends, time, start.state) if case.ends else None
 
 
 def state_size(case: Case) -> int:
@@ -104,9 +77,9 @@ def state_size(case: Case) -> int:
     arrays, static = eqx.partition(floats_as_arrays(case), eqx.is_array)
 
     def start(arrays):
-        glider = eqx.combine(arrays, static).glider
-        zero = jnp.zeros(())
-        flight = Flight(glider, discretise(glider.body), zero)
-        return with_own_states(zero, jnp.zeros(13), flight)
+        glider, zero = eqx.combine(arrays, static).glider, jnp.zeros(())
+        return with_own_states(
+            zero, jnp.zeros(RIGID), Flight(glider, discretise(glider.body), zero)
+        )
 
     return jax.eval_shape(start, arrays).shape[0]

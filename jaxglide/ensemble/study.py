@@ -19,7 +19,8 @@ from ..flight.ends import AbstractEnd, Outcome, default_ends, outcome_words
 from ..flight.launch import Launch
 from .base import check_setup, published_case
 from .cases import as_array, as_number
-from .identity import case_of_record, case_record, floats_as_arrays, own_parts, state_size
+from .identity import case_of_record, case_record, floats_as_arrays, own_parts_of, state_size
+from .parts import TABLES, case_of
 from .plan import MOST_CASES as MOST_CASES
 from .plan import AbstractPlan, Told, check_number_of_cases, read_text
 from .study_file import Span, read_study_file
@@ -126,7 +127,7 @@ class Study(AbstractPlan):
     @property
     def own(self) -> bool:
         """Whether the base has parts that are not the package's."""
-        return bool(not self.setup and own_parts(self.case))
+        return bool(not self.setup and own_parts_of(self.case))
 
     def part(self, index: np.ndarray) -> "Study":
         """A study of some of the cases alone, (n,)."""
@@ -159,19 +160,31 @@ class Study(AbstractPlan):
         """Read a study from a TOML file.
 
         Tables `[grid]` or `[cases]`, `[fixed]`, `[setup]` and `[solver]` hold what `Study`
-        takes; values of a grid are a list or `{ start, stop, count }`.
+        takes; values of a grid are a list or `{ start, stop, count }`. Names with a dot or
+        an index stand in quotes. Instead of `[setup]` the tables `[body]`, `[gait]`,
+        `[polar]`, `[aerodynamics]`, `[air]`, `[launch]`, `[[ends]]` and the number `gravity`
+        may make another base (see `parts.case_of`); names of files in them count from the
+        study file.
 
         Raises:
             ValueError: not TOML, an unknown entry, or wrong values; the message names the
                 file and the entry.
-            OSError: the file cannot be read.
+            OSError: a file cannot be read.
         """
         from .._lib.documents import about
 
         tables = read_study_file(path)
         solver = tables.pop("solver", {})
+        parts = {name: tables.pop(name) for name in TABLES if name in tables}
         grid = tables.get("grid", {})
         with about(path):
+            if parts and "setup" in tables:
+                raise ValueError(
+                    "[setup] is of the published snake alone: beside other parts give "
+                    "polar.name, body.node_set and body.nodes"
+                )
+            if parts:
+                tables["case"] = case_of(parts, Path(path).parent)
             if grid:
                 tables["grid"] = expanded(grid)
             return cls(**tables, **solver)

@@ -47,16 +47,28 @@ class Solver(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     times: Values | UnsetType = UNSET
 
 
-class StudyFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A study as it stands in a file."""
+_Table = dict[str, Any]
 
-    grid: dict[str, Values | Span] | UnsetType = UNSET
-    cases: dict[str, Values] | UnsetType = UNSET
-    fixed: dict[str, float] | UnsetType = UNSET
+
+class StudyFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A study as it stands in a file; what its parts hold is looked at in `parts`."""
+
+    grid: _Table | UnsetType = UNSET
+    cases: _Table | UnsetType = UNSET
+    fixed: _Table | UnsetType = UNSET
     setup: Setup | UnsetType = UNSET
     solver: Solver | UnsetType = UNSET
+    body: _Table | UnsetType = UNSET
+    gait: _Table | UnsetType = UNSET
+    polar: _Table | UnsetType = UNSET
+    aerodynamics: _Table | UnsetType = UNSET
+    air: _Table | UnsetType = UNSET
+    launch: _Table | UnsetType = UNSET
+    ends: list[_Table] | UnsetType = UNSET
+    gravity: float | UnsetType = UNSET
 
 
+_ENTRIES = {"grid": Values | Span, "cases": Values, "fixed": float}
 _HINTS = {
     "grid": "[grid] holds, by name of a parameter, a list of numbers or "
     f"{{ start, stop, count }} with at most {10**7} of them",
@@ -66,10 +78,11 @@ _HINTS = {
     + ", ".join(f"{n} ({' or '.join(c)})" for n, c in CHOICES.items())
     + ", nodes (a whole number)",
     "solver": "[solver] holds the numbers rtol, atol, max_time, max_steps and the list times",
+    "ends": "every table [[ends]] holds the kind of an end, and its numbers",
 }
 
 
-def read_study_file(path: str | Path) -> dict[str, dict[str, Any]]:
+def read_study_file(path: str | Path) -> dict[str, Any]:
     """Tables of a study file by name, with what each holds; see `Study.from_file`.
 
     Raises:
@@ -78,11 +91,13 @@ def read_study_file(path: str | Path) -> dict[str, dict[str, Any]]:
     """
     document = read_toml(path)
     found = fitted(document, StudyFile, path, _HINTS)
-    return {  # in the order of the file: the last name of a grid varies fastest
-        name: {entry: _entry(getattr(found, name), entry) for entry in table}
-        for name, table in document.items()
-    }
-
-
-def _entry(table: Any, name: str) -> Any:
-    return table[name] if isinstance(table, dict) else getattr(table, name)
+    tables: dict[str, Any] = {}
+    for name, table in document.items():  # in its order: the last of a grid varies fastest
+        value = getattr(found, name)
+        if name in _ENTRIES:
+            kind, places = _ENTRIES[name], {entry: f"{name}.{entry}" for entry in table}
+            value = {n: fitted(table[n], kind, path, _HINTS, p) for n, p in places.items()}
+        elif isinstance(value, msgspec.Struct):
+            value = {entry: getattr(value, entry) for entry in table}
+        tables[name] = value
+    return tables

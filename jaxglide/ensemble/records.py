@@ -14,7 +14,6 @@ import numpy as np
 import xarray as xr
 
 from .._lib.formats import marked
-from .._lib.parameters import PARAMETERS
 from .._lib.units import labelled
 from ..flight.dynamics import ANGLES, OMEGA, POSITION, RIGID, VELOCITY
 from .plan import AbstractPlan

@@ -1,8 +1,7 @@
 """A problem of optimisation, and its values and gradients at many points."""
 
-import hashlib
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -13,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import check_kind, check_range, warn_float32
+from .._lib.fingerprint import fingerprint
 from .._lib.parameters import GRADIENT_SETUP as SETUP
 from .._lib.parameters import SEARCH_TOLERANCE
 from .._lib.records import encode
@@ -276,15 +276,6 @@ class Problem:
             "atol": self.atol,
             "max_time": self.max_time,
         }
-
-
-def fingerprint(function: Callable, *arguments) -> str:
-    """A digest of what a function computes: of its compiled form, not of its name or text."""
-    traced = jax.jit(function).trace(*arguments)
-    digest = hashlib.sha256(traced.lower().as_text().encode())
-    for constant in traced.jaxpr.consts:
-        digest.update(np.asarray(constant).tobytes())
-    return digest.hexdigest()[:32]
 
 
 @eqx.filter_jit

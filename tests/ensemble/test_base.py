@@ -2,6 +2,8 @@
 
 import json
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -27,7 +29,7 @@ from jaxglide.ensemble.store import StoreError, layout
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import survey
 from jaxglide.ensemble.sweep import sweep
-from jaxglide.files.saved import open_result
+from jaxglide.files.saved import open_dataset
 
 traces = []
 
@@ -109,9 +111,11 @@ def test_another_base_of_the_same_structure_compiles_nothing(study, flown):
     traced = len(traces)
     assert traced
     glider = Glider(
-        TabulatedBody(
-            ROBOT.position, 1.1 * ROBOT.chord, ROBOT.density, [0.1, 0.4], [0.0, 0.1], nodes=12
-        ),  # fmt: skip
+        eqx.tree_at(
+            lambda body: (body.chord, body.point_mass),
+            ROBOT,
+            (1.1 * ROBOT.chord, jnp.array([0.0, 0.1])),
+        ),
         Gait.from_degrees(nu_theta=1.1, f_theta=1.0),
         Polar.smooth(1.36, 0.6),
         Draught([0.0, 0.5, 0.1], strength=2.0, air_density=1.1),
@@ -149,7 +153,7 @@ def test_a_store_of_own_parts_is_resumed_by_them_alone(study, tmp_path, monkeypa
 def test_a_store_of_own_parts_is_opened_without_them(study, tmp_path, monkeypatch):
     monkeypatch.setattr(module, "solve", numbered)
     kept = sweep(study, tmp_path / "s.zarr", progress=False)
-    back = open_result(tmp_path / "s.zarr")
+    back = open_dataset(tmp_path / "s.zarr")
     xr.testing.assert_identical(back.drop_attrs(), kept.drop_attrs())
     assert back["velocity[0]"].attrs == kept["velocity[0]"].attrs
     assert back.outcome.attrs["flag_meanings"] == kept.outcome.attrs["flag_meanings"]
@@ -158,9 +162,7 @@ def test_a_store_of_own_parts_is_opened_without_them(study, tmp_path, monkeypatc
 
 def test_the_text_of_a_study_with_own_parts_needs_its_case(study):
     text = study.to_json()
-    with pytest.raises(
-        ValueError, match=r"Draught is a part of the user's own.*give the study"
-    ):
+    with pytest.raises(ValueError, match=r"Draught is a part of the user's own.*: give"):
         Study.from_json(text)
     assert Study.from_json(text, case_with()) == study
     assert Study.from_json(text, case_with()).to_json() == text
@@ -204,7 +206,7 @@ def test_fixed_values_do_not_follow_any_more():
         ({"grid": {"body.length": [0.7], "svl": [0.8]}}, "svl is named twice: it means body"),
         (
             {"grid": {"chord": [0.7]}},
-            r"chord is not one number but of shape \(3,\).*chord\[0\]",
+            r"chord is not one number but of shape \(3,\)",
         ),
         ({"grid": {"chord[3]": [0.7]}}, r"there is no 'chord\[3\]': body.chord has shape"),
         ({"grid": {"angles": [0.7]}}, r"angles has shape \(\): it must be \(3,\)"),

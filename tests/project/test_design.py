@@ -173,5 +173,3 @@ def test_all_lists_every_public_name_and_no_other():
     assert set(jaxglide.__all__) <= set(dir(jaxglide))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         jaxglide.nothing  # noqa: B018
-
-

@@ -1,55 +1,47 @@
-"""The command line: one file a command. JAX is set up here, before it loads."""
+"""The command line: one file a command, which is loaded where it is the one to run."""
 
 import contextlib
 import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 
 from .._lib.writing import WriteError
-from . import (
-    compare,
-    figure,
-    glide,
-    gradient,
-    measure,
-    optimise,
-    plot,
-    shapes,
-    sweep,
-    trim,
-    view,
-    windtunnel,
-)
 from ._options import Parser, UsageError, check_output, check_ranges
 from ._setup import configure
 
 __all__ = ["configure", "main"]
 
-COMMANDS = (
-    glide,
-    shapes,
-    sweep,
-    windtunnel,
-    trim,
-    gradient,
-    optimise,
-    measure,
-    compare,
-    plot,
-    view,
-    figure,
-)
+COMMANDS = {
+    "glide": "fly one glide",
+    "shapes": "fly the published shape space",
+    "sweep": "fly any study: a grid or a list of cases, resumable",
+    "windtunnel": "hold the attitude, let the snake fall, read the moments",
+    "trim": "find the bend, or another gait parameter, without pitch moment",
+    "gradient": "the gradient of an objective, with its check",
+    "optimise": "search for the best gait by gradients",
+    "measure": "from motion capture to gait",
+    "compare": "measured flights beside their simulations",
+    "plot": "draw a saved result",
+    "view": "look at a glide in 3D",
+    "figure": "make a published figure with its table",
+}
 
 
-def _parser() -> Parser:
+def _parser(words: Sequence[str] | None = None) -> Parser:
+    """The parser, with the options of the command that `words` name; of all without words."""
+    named = COMMANDS if words is None else [w for w in words if w in COMMANDS][:1]
     parser = Parser(
         prog="jaxglide",
         description="The flight dynamics of flying snakes, as a differentiable model.",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        command.add(commands)
+    for name, text in COMMANDS.items():
+        if name in named:
+            import_module(f".{name}", __name__).add(commands)
+        else:
+            commands.add_parser(name, help=text)
     return parser
 
 
@@ -90,9 +82,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 failed, 2 wrong input)."""
     try:
         with _standard_output():
-            args = _parser().parse_args(argv)
-            check_output(args)
             configure()
+            words = sys.argv[1:] if argv is None else argv
+            args = _parser(words).parse_args(words)
+            check_output(args)
             check_ranges(args)
             return args.run(args)
     except BrokenPipeError:  # who reads what is printed has seen enough

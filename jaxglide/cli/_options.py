@@ -1,34 +1,19 @@
-"""What the commands share: options, checks of output files, writing."""
+"""What the commands share: options, checks of output files, writing.
+
+Nothing here loads JAX, which half of the commands can do without.
+"""
 
 import argparse
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from .._lib.parameters import (
-    CHOICES,
-    HELD_SPEED,
-    NODES_RANGE,
-    OBJECTIVES,
-    PARAMETERS,
-    SOLVER,
-    TOLERANCE,
-    TUNNEL,
-    Parameter,
-)
 from .._lib.writing import write_figure, write_netcdf
-
-_RANGES = {
-    **PARAMETERS,
-    **SOLVER,
-    **TUNNEL,
-    "nodes": Parameter("", None, "nodes", *NODES_RANGE),
-    "width": Parameter("", None, "glides per batch", 1, 10**6),
-}
 
 
 class UsageError(Exception):
@@ -38,7 +23,8 @@ class UsageError(Exception):
 class _Once(argparse.Action):
     """Store a value; an option given twice is refused, for the first would be lost.
 
-    `args.given` holds the options given, as typed, by the name of their value.
+    `args.given` holds the options given, as typed, by the name of their value; `args.checks`
+    functions of option and value that check those that are numbers.
     """
 
     def __call__(self, parser, namespace, values, option_string=None):
@@ -49,6 +35,17 @@ class _Once(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
+class _Append(argparse.Action):
+    """Add a value to those given before; `args.given` knows of it too."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        namespace.given = {**namespace.given, self.dest: option_string}
+        setattr(namespace, self.dest, [*(getattr(namespace, self.dest) or ()), values])
+
+
+_NEGATIVE = re.compile(r"-\.?\d")  # -1,0,0 is a value too, as -1 is
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that takes every option once, by its full name, and fails in one sentence."""
 
@@ -56,7 +53,9 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**options, allow_abbrev=False)
         for action in (None, "store"):
             self.register("action", action, _Once)
-        self.set_defaults(given={})
+        self.register("action", "append", _Append)
+        self._negative_number_matcher = _NEGATIVE
+        self.set_defaults(given={}, checks={})
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message} ({self.prog} --help lists all options)")
@@ -117,43 +116,11 @@ def whole(text: str) -> int:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
 
 
-def add_number(group, name: str, p: Parameter, default: float | None = None) -> None:
-    """An option for a number of `parameters`."""
-    unit = f" [{p.unit}]" if p.unit else ""
-    told = "" if p.default is None else f" ({p.default:.4g})"
-    group.add_argument(
-        f"--{name.replace('_', '-')}",
-        type=whole if isinstance(p.default, int) else a_number,
-        metavar="N" if isinstance(p.default, int) else "X",
-        default=default,
-        help=f"{p.meaning}{unit}{told}",
-    )
-
-
-def check_number(option: str, value: float, p: Parameter) -> float:
-    """The value of an option; `ValueError` where it is out of range."""
-    from .._lib.checks import check_integer, check_range
-
-    if isinstance(value, int):
-        check_integer(option, value, int(p.low), int(p.high))
-    else:
-        check_range(
-            option, value, p.unit, p.low, p.high, low_open=p.low_open, high_open=p.high_open
-        )
-    return value
-
-
-def check_ranges(args) -> None:
-    """Raise `ValueError` for a number given out of range, by its option as typed."""
-    for name, option in args.given.items():
-        if name in _RANGES:
-            check_number(option, getattr(args, name), _RANGES[name])
-
-
-def add_tolerances(parser: argparse.ArgumentParser, default: float = TOLERANCE) -> None:
-    group = parser.add_argument_group("solver")
-    for name, p in SOLVER.items():
-        add_number(group, name, p._replace(default=default), default=default)
+def three(text: str) -> tuple[float, ...]:
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers X,Y,Z")
+    return tuple(map(a_number, parts))
 
 
 def add_output(
@@ -181,56 +148,11 @@ def add_output(
     parser.set_defaults(plot_endings=endings)
 
 
-_GROUPS = {
-    "gait": ("nu_theta", "theta_m", "psi_m", "d_psi", "d_theta", "f_theta"),
-    "snake": ("svl", "mass", "neck_fraction"),
-    "launch": ("height", "speed", "elevation", "heading"),
-    "air": ("lift_scale", "drag_scale", "gravity", "air_density", "kinematic_viscosity"),
-}
-
-
-def add_setup(parser: argparse.ArgumentParser, **defaults: str) -> None:
-    group = parser.add_argument_group("setup")
-    for name, choices in CHOICES.items():
-        flag, default = f"--{name.replace('_', '-')}", defaults.get(name, choices[0])
-        group.add_argument(flag, choices=choices, default=default, help=f"({default})")
-    group.add_argument("--nodes", type=whole, metavar="N", help="nodes (70; gauss: 60)")
-
-
-def add_glider(parser: argparse.ArgumentParser, held: bool = False) -> None:
-    """Glider and launch; a held glide stays in the plane y, z and has no heading."""
-    for title, names in _GROUPS.items():
-        group = parser.add_argument_group(title)
-        for name in names:
-            p = PARAMETERS[name]
-            if held and name == "heading":
-                continue
-            if held and name == "speed":
-                p = p._replace(default=HELD_SPEED, meaning="launch speed")
-            add_number(group, name, p)
-    add_setup(parser)
-
-
-def add_objective(parser: argparse.ArgumentParser) -> None:
-    """The objective, the free parameters and the fixed ones."""
-    group = parser.add_argument_group("problem")
-    group.add_argument(
-        "--objective", choices=OBJECTIVES, default="landing_distance", help="(landing_distance)"
-    )
-    text = "parameters, separated by commas (theta_m,nu_theta,d_psi)"
-    group.add_argument("--free", default="theta_m,nu_theta,d_psi", metavar="NAMES", help=text)
-    text = "another parameter's value; may be repeated"
-    group.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help=text)
-
-
-def free_of(args) -> list[str]:
-    """Names given with --free."""
-    return list(by_name("--free", ((name.strip(), None) for name in args.free.split(","))))
-
-
-def fixed_of(args) -> dict[str, float]:
-    """Values given with --fix, by name."""
-    return by_name("--fix", (pair("--fix", text) for text in args.fix))
+def check_ranges(args) -> None:
+    """Raise `ValueError` for a number given out of range, by its option as typed."""
+    for name, option in args.given.items():
+        if name in args.checks:
+            args.checks[name](option, getattr(args, name))
 
 
 def pair(option: str, text: str) -> tuple[str, float]:
@@ -240,26 +162,6 @@ def pair(option: str, text: str) -> tuple[str, float]:
         return name, float(value)
     except ValueError:
         raise UsageError(f"{option} {text!r} is not NAME=VALUE") from None
-
-
-def case_of(args) -> dict[str, float]:
-    """The glider's and launch's parameters given on the command line, by name."""
-    given = {name: getattr(args, name, None) for name in PARAMETERS}
-    return {name: value for name, value in given.items() if value is not None}
-
-
-def setup_of(args) -> dict:
-    """The setup given on the command line."""
-    return {name: getattr(args, name) for name in (*CHOICES, "nodes")}
-
-
-def build_from(args, **defaults: float):
-    """Glider and launch given on the command line, checked; `defaults` where not given."""
-    from ..ensemble.cases import build, check_parameters, check_setup
-
-    case = defaults | case_of(args)
-    check_parameters(case)
-    return build(case, check_setup(setup_of(args)))
 
 
 def writable(*paths: Path | None) -> None:

@@ -1,9 +1,11 @@
-"""JAX for the command line: float64, all cores, a cache of compiled code."""
+"""JAX for the command line, not loaded here: float64, all cores, a cache of compiled code."""
 
 import contextlib
 import os
+import sys
 import warnings
 from pathlib import Path
+from typing import Any
 
 _XLA_FLAGS = ("--xla_cpu_prefer_vector_width=512",)
 """Measured in benchmarks/README.md; a user's own XLA_FLAGS win."""
@@ -19,16 +21,28 @@ def configure() -> None:
     os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     # No figure is shown here, and a notebook's backend may be one that is not installed.
     os.environ["MPLBACKEND"] = "agg"
+    settings: dict[str, Any] = {
+        "jax_enable_x64": True,
+        "jax_persistent_cache_min_compile_time_secs": 0.2,
+    }
+    if not os.environ.get("JAX_COMPILATION_CACHE_DIR") and (cache := _cache()):
+        settings["jax_compilation_cache_dir"] = cache
+    if not os.environ.get("JAX_NUM_CPU_DEVICES"):
+        settings["jax_num_cpu_devices"] = _cores()
+    _set(settings)
+    warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
+
+
+def _set(settings: dict[str, Any]) -> None:
+    """Settings of JAX, which reads them from the environment where it is not loaded yet."""
+    if "jax" not in sys.modules:
+        os.environ.update({name.upper(): str(value) for name, value in settings.items()})
+        return
     import jax
 
-    jax.config.update("jax_enable_x64", True)
-    if not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
-        jax.config.update("jax_compilation_cache_dir", _cache())
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-    if not os.environ.get("JAX_NUM_CPU_DEVICES"):
+    for name, value in settings.items():
         with contextlib.suppress(RuntimeError):  # JAX is at work already: its devices stay
-            jax.config.update("jax_num_cpu_devices", _cores())
-    warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
+            jax.config.update(name, value)
 
 
 def _cache() -> str | None:

@@ -11,7 +11,6 @@ def add(commands) -> None:
     """Add the command to the parser."""
     compare = commands.add_parser(
         "compare",
-        help="measured flights beside their simulations",
         description="Fly every measured flight from its measured start with its measured gait, "
         "and compare the paths (the paper's figure 3). DATA is a folder of recordings, as for "
         "`jaxglide measure`, or a file that it saved.",

@@ -30,7 +30,6 @@ def add(commands) -> None:
     """Add the command to the parser."""
     figure = commands.add_parser(
         "figure",
-        help="make a published figure with its table",
         description="Run one of the scripts in experiments/.",
     )
     figure.add_argument("name", metavar="NAME", choices=_FIGURES, help=", ".join(_FIGURES))

@@ -2,7 +2,8 @@
 
 import sys
 
-from ._options import add_glider, add_output, add_tolerances, build_from, print_json, write
+from ._case import add_glider, add_tolerances, case_of
+from ._options import add_output, print_json, write
 
 _SOLVERS = ("dopri5", "tsit5", "dopri8", "bosh3")
 
@@ -11,7 +12,6 @@ def add(commands) -> None:
     """Add the command to the parser."""
     glide = commands.add_parser(
         "glide",
-        help="fly one glide",
         description="Fly one glide until it lands or an angle reaches 85 degrees.",
         epilog="Exit code: 0 for a computed glide, landed or unstable; 1 if it could not be "
         "computed to its end; 2 for wrong input.",
@@ -30,11 +30,12 @@ def _run(args) -> int:
     from ..flight.ends import Outcome
     from ..flight.glide import simulate
 
-    glider, launch = build_from(args)
+    case = case_of(args)
     solvers = (diffrax.Dopri5, diffrax.Tsit5, diffrax.Dopri8, diffrax.Bosh3)
     glide = simulate(
-        glider,
-        launch,
+        case.glider,
+        case.launch,
+        ends=case.ends,
         rtol=args.rtol,
         atol=args.atol,
         solver=dict(zip(_SOLVERS, solvers, strict=True))[args.solver](),

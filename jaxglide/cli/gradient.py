@@ -5,15 +5,8 @@ import sys
 from typing import Any
 
 from .._lib.parameters import GRADIENT_SETUP
-from ._options import (
-    add_objective,
-    add_output,
-    add_setup,
-    fixed_of,
-    free_of,
-    print_json,
-    setup_of,
-)
+from ._case import add_objective, add_setup, base_of, case_of, fixed_of, free_of
+from ._options import add_output, print_json
 
 _ONE_SIDED = (-25 / 12, 4.0, -3.0, 4 / 3, -1 / 4)
 """Weights of the differences of fourth order at 0 to 4 steps."""
@@ -23,12 +16,11 @@ def add(commands) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "gradient",
-        help="the gradient of an objective, with its check",
         description="The exact gradient of an objective with respect to chosen parameters, in "
         "their units, beside differences of glides solved at 1e-11.",
     )
     add_objective(parser)
-    add_setup(parser, **GRADIENT_SETUP)
+    add_setup(parser, GRADIENT_SETUP)
     add_output(parser, save=False, plot=False)
     parser.set_defaults(run=_run)
 
@@ -58,11 +50,10 @@ def _found(args) -> tuple[float, dict[str, dict[str, Any]]]:
     """The value of the objective, and the rows of the table by name."""
     import numpy as np
 
-    from ..ensemble.base import published_case
     from ..search.objectives import OBJECTIVES
     from ..search.problem import Evaluator, Problem
 
-    fixed, base = fixed_of(args), published_case(setup_of(args))
+    fixed, base = fixed_of(args), case_of(args)
     base.check(fixed)
     at = _point(free_of(args), base.replace(fixed))
     about = {name: base.parameter(name) for name in at}
@@ -72,7 +63,7 @@ def _found(args) -> tuple[float, dict[str, dict[str, Any]]]:
         for name, (step, places, _) in stencils.items()
     }
     rest = {name: value for name, value in fixed.items() if name not in at}
-    problem = Problem(OBJECTIVES[args.objective], free, fixed=rest, setup=setup_of(args))
+    problem = Problem(OBJECTIVES[args.objective], free, fixed=rest, **base_of(args))
     here = np.array(list(at.values()))
     found = Evaluator(problem)(here[None], rtol=1e-11, atol=1e-11)
     moves = [

@@ -33,7 +33,6 @@ def add(commands) -> None:
     """Add the command to the parser."""
     measure = commands.add_parser(
         "measure",
-        help="from motion capture to gait",
         description="Measure the gait, path and launch of recorded flights, as the published "
         "study did. DATA is a copy of the study's public data, a folder laid out like it, or "
         "one of NAME.csv files with NAME.toml or body.toml (see jaxglide/measured/tabular.py).",

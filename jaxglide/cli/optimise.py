@@ -6,20 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from .._lib.parameters import GRADIENT_SETUP, SEARCH_TOLERANCE
+from ._case import add_objective, add_setup, add_tolerances, base_of, fixed_of, free_of
 from ._options import (
     UsageError,
-    add_objective,
     add_output,
-    add_setup,
-    add_tolerances,
     announce,
     by_name,
     drawn_files,
-    fixed_of,
-    free_of,
     pair,
     print_json,
-    setup_of,
     whole,
     write,
     write_drawing,
@@ -32,7 +27,6 @@ def add(commands) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "optimise",
-        help="search for the best gait by gradients",
         description="Make an objective as good as it can be, from many starts at once, under a "
         "margin of stability. Ctrl-C ends with the best so far.",
         epilog="Example: jaxglide optimise --free theta_m,nu_theta,d_psi --bounds "
@@ -69,7 +63,7 @@ def add(commands) -> None:
     text = "keep evaluations here; the same command goes on from them"
     group.add_argument("--log", type=Path, metavar="FILE", help=text)
     add_tolerances(parser, SEARCH_TOLERANCE)
-    add_setup(parser, **GRADIENT_SETUP)
+    add_setup(parser, GRADIENT_SETUP)
     add_output(parser, endings=("", "_paths", "_glides"))
     parser.set_defaults(run=_run)
 
@@ -161,7 +155,7 @@ def _problem(args):
         _bounds(args),
         _constraints(args),
         fixed=fixed_of(args),
-        setup=setup_of(args),
+        **base_of(args),
         rtol=args.rtol,
         atol=args.atol,
     )

@@ -9,7 +9,6 @@ def add(commands) -> None:
     """Add the command to the parser."""
     plot = commands.add_parser(
         "plot",
-        help="draw a saved result",
         description="Draw what a NetCDF file or a sweep's Zarr store holds: by default the "
         "figure that shows the whole of it, or else one of its variables.",
         epilog="Examples: jaxglide plot glide.nc --variable lift; jaxglide plot bends.nc "

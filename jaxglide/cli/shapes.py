@@ -3,22 +3,22 @@
 import sys
 import time
 
-from ._options import a_number, add_output, add_tolerances, print_json, write
+from .._lib.fields import parameters_of
+from ..flight.launch import Launch
+from ._case import add_number, add_tolerances
+from ._options import add_output, print_json, write
 
 
 def add(commands) -> None:
     """Add the command to the parser."""
     shapes = commands.add_parser(
         "shapes",
-        help="fly the published shape space",
         description="Fly the 121 published shapes, frozen and undulating, and lay the table "
         "beside the published one.",
         epilog="Exit code: 0, or 1 if a glide could not be computed to its end, 2 for wrong "
         "input.",
     )
-    shapes.add_argument(
-        "--height", type=a_number, default=10.0, metavar="X", help="launch height [m] (10)"
-    )
+    add_number(shapes, "height", parameters_of(Launch)["height"], 10.0)
     shapes.add_argument(
         "--check",
         action="store_true",

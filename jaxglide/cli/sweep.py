@@ -4,18 +4,15 @@ import time
 from pathlib import Path
 from typing import Any
 
-from .._lib.parameters import CHOICES, SOLVER
+from .._lib.fields import Parameter
+from ._case import add_number, add_setup, add_tolerances, fixed_of, setup_of
 from ._options import (
     UsageError,
     add_output,
-    add_setup,
-    add_tolerances,
     announce,
     by_name,
-    fixed_of,
     print_json,
     refuse,
-    setup_of,
     whole,
     write,
 )
@@ -25,7 +22,6 @@ def add(commands) -> None:
     """Add the command to the parser."""
     sweep = commands.add_parser(
         "sweep",
-        help="fly any study: a grid or a list of cases, resumable",
         description="Fly every combination of the varied parameters. Started again with the "
         "same study and --store, it computes only what is missing.",
         epilog="Example: jaxglide sweep --vary nu_theta=1:1.5:11 --vary d_psi=0,10,20 "
@@ -43,7 +39,8 @@ def add(commands) -> None:
         "--fix", action="append", default=[], metavar="NAME=VALUE", help="another value"
     )
     sweep.add_argument("--store", type=Path, metavar="FOLDER", help="keep results here (Zarr)")
-    sweep.add_argument("--width", type=whole, metavar="N", help="glides per batch")
+    width = Parameter("", "glides per batch", low=1, high=10**6)
+    add_number(sweep, "width", width, kind=whole)
     sweep.add_argument("--cluster", metavar="ADDRESS", help="scheduler of a Dask cluster")
     add_setup(sweep)
     add_tolerances(sweep)
@@ -76,7 +73,7 @@ def _study(args):
     if args.file is not None:
         if args.vary or args.fix:
             raise UsageError("give a study file or --vary and --fix, not both")
-        refuse(args, (*CHOICES, "nodes", *SOLVER), f"{args.file} decides it")
+        refuse(args, ("polar", "node_set", "nodes", "rtol", "atol"), f"{args.file} decides it")
         return Study.from_file(args.file)
     if not args.vary:
         raise UsageError("nothing to vary: give a study file or --vary NAME=VALUES")

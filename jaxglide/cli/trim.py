@@ -1,25 +1,15 @@
 """`jaxglide trim`."""
 
-from .._lib.parameters import HELD_SPEED, OBSERVED, PARAMETERS
-from ._options import (
-    UsageError,
-    a_number,
-    add_glider,
-    add_output,
-    build_from,
-    check_number,
-    missing,
-    print_json,
-    refuse,
-    write,
-)
+from .._lib.fields import Parameter, parameters_of
+from ..shape.gait import Gait
+from ._case import HELD_SPEED, add_glider, build_from, check_number
+from ._options import UsageError, a_number, add_output, missing, print_json, refuse, write
 
 
 def add(commands) -> None:
     """Add the command to the parser."""
     trim = commands.add_parser(
         "trim",
-        help="find the bend, or another gait parameter, without pitch moment",
         description="Find the value of a gait parameter at which the pitch moment, averaged "
         "over the phases of the waves at the end of a held glide, vanishes. Without --speed "
         "the glide starts at the published 1.7 m/s, without --polar it is flown on the "
@@ -30,7 +20,7 @@ def add(commands) -> None:
     add_glider(trim, held=True)
     group = trim.add_argument_group("trim")
     group.add_argument(
-        "--parameter", choices=(*OBSERVED, "d_theta"), default="d_psi", help="(d_psi)"
+        "--parameter", choices=tuple(parameters_of(Gait)), default="d_psi", help="(d_psi)"
     )
     text = "of the range, in the parameter's unit (-20 and 20 deg of bend, else as observed)"
     group.add_argument("--low", type=a_number, metavar="X", help=f"lower end {text}")
@@ -39,14 +29,15 @@ def add(commands) -> None:
     trim.set_defaults(run=_run)
 
 
-def _bounds(args) -> tuple[float, float]:
+def _bounds(args, known: Parameter) -> tuple[float, float]:
     """The range to scan, in the parameter's unit."""
-    name = args.parameter
-    low, high = (-20.0, 20.0) if name in ("d_psi", "d_theta") else OBSERVED[name]
+    low, high = -20.0, 20.0
+    if known.observed is not None and args.parameter != "d_psi":
+        low, high = known.observed
     if args.low is not None:
-        low = check_number("--low", args.low, PARAMETERS[name])
+        low = check_number("--low", args.low, known)
     if args.high is not None:
-        high = check_number("--high", args.high, PARAMETERS[name])
+        high = check_number("--high", args.high, known)
     if low >= high:
         raise UsageError(f"--low {low:g} is not below --high {high:g}")
     return low, high
@@ -59,9 +50,9 @@ def _run(args) -> int:
 
     name = args.parameter
     refuse(args, (name,), f"{name} is what trim looks for, between --low and --high")
-    low, high = _bounds(args)
-    unit = PARAMETERS[name].unit
-    factor = np.pi / 180 if unit.startswith("deg") else 1.0
+    known = parameters_of(Gait)[name]
+    low, high = _bounds(args, known)
+    unit, factor = known.unit, known.factor
     glider, launch = build_from(args, speed=HELD_SPEED)
     found = trim(glider, name, (factor * low, factor * high), launch=launch)
     value = float(found.value) / factor

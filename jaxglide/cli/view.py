@@ -5,19 +5,8 @@ import sys
 from pathlib import Path
 
 from .._lib.parameters import PARAMETERS
-from ._options import (
-    UsageError,
-    a_number,
-    add_force,
-    add_glider,
-    add_tolerances,
-    build_from,
-    case_of,
-    out_of,
-    refuse,
-    setup_of,
-    writable,
-)
+from ._case import add_glider, add_tolerances, build_from, numbers_of, setup_of
+from ._options import UsageError, a_number, add_force, out_of, refuse, writable
 
 _KINDS = (".html", ".gif", ".mp4", ".png")
 
@@ -26,7 +15,6 @@ def add(commands) -> None:
     """Add the command to the parser."""
     view = commands.add_parser(
         "view",
-        help="look at a glide in 3D",
         description="Fly a glide and write a file that plays it: an interactive page (.html), "
         "an animation (.gif, .mp4) or a still (.png).",
         epilog="Example: jaxglide view --compare f_theta=0 --out undulation.html",
@@ -80,7 +68,7 @@ def _glides(args, changes):
     from ..ensemble.cases import build, check_parameters, check_setup, full_case
     from ..flight.glide import simulate
 
-    given, setup = case_of(args), check_setup(setup_of(args))
+    given, setup = numbers_of(args), check_setup(setup_of(args))
     cases = [given, *({**given, name: value} for name, value in changes)]
     for case in cases:
         check_parameters(case)

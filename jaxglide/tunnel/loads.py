@@ -39,6 +39,9 @@ MOMENT_PHASES = 60
 PHASES = int(TUNNEL["phases"].low), int(TUNNEL["phases"].high)
 """Fewest and most phases: with fewer than four, left and right alone are compared."""
 
+_STILL = 1e-12
+"""Peak-to-peak [N m] below this share of the force [N] is round-off."""
+
 
 def phases_of(count: int) -> Float[Array, " P"]:
     """`count` equally spaced phases phi_theta from 0 [rad], (P,)."""
@@ -90,15 +93,13 @@ class Loads(eqx.Module, Reported):
     def inertial_ratio(self) -> Float[Array, "... 3"]:
         """Peak-to-peak of the inertial over that of the aerodynamic moment, (..., 3).
 
-        NaN, for undefined, where the air's moment is the same at all phases: without air, or
-        for a straight body.
+        NaN, for undefined, where the air's moment is the same at all phases, but for
+        round-off: without air, or for a straight body.
         """
         air = over_phases(self.aerodynamic).peak_to_peak
-        return jnp.where(
-            air == 0,
-            jnp.nan,
-            over_phases(self.inertial).peak_to_peak / jnp.where(air == 0, 1.0, air),
-        )
+        still = air <= _STILL * jnp.max(jnp.abs(self.force), axis=(-2, -1))[..., None]
+        change = over_phases(self.inertial).peak_to_peak
+        return jnp.where(still, jnp.nan, change / jnp.where(still, 1.0, air))
 
 
 class OverPhases(NamedTuple):

@@ -116,7 +116,7 @@ def test_bad_numbers(option, value):
         (["--d-psi=200"], "must be finite and in [-180, 180] deg/SVL"),
         (["--nodes=7"], "--nodes = 7 is not allowed: it must be in [8, 2000]"),
         (["--nodes=0"], "--nodes = 0"),
-        (["--neck-fraction=0.5"], "--neck-fraction = 0.5 is not allowed"),
+        (["--neck-fraction=0.5"], "--neck-fraction = 0.5 of SVL is not allowed"),
         (["--nu-theta=nan"], "--nu-theta"),
         (["--speed=-1"], "--speed = -1 m/s"),
         (["--save=nowhere/at/all.nc"], "nowhere"),
@@ -192,7 +192,7 @@ def test_windtunnel_prints_and_writes_what_the_library_says(capsys, tmp_path):
     code, out, err = run(capsys, *options, "--save", str(save), "--plot", str(plot))
     assert (code, err) == (0, "")
     assert "landed" in out
-    assert "Moments there over 6 phases (N mm)" in out
+    assert "Moments over 6 phases (N mm)" in out
     assert plot.stat().st_size > 10_000
     with xr.open_dataset(save, engine="h5netcdf") as data:
         assert data.sizes["phase"] == 6

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from jaxglide import cli
-from jaxglide.cli import _setup
+from jaxglide.cli import _setup, glide
 from jaxglide.cli._options import check_output, write
 from jaxglide.cli.figure import _FIGURES, _scripts
 from places import ROOT
@@ -103,7 +103,7 @@ def test_json_stays_alone_on_standard_output(capsys, tmp_path, monkeypatch):
         print(json.dumps({"outcome": "landed"}))
         return 0
 
-    monkeypatch.setattr(cli.glide, "_run", fake)
+    monkeypatch.setattr(glide, "_run", fake)
     save = tmp_path / "a.nc"
     code, out, err = run(capsys, "glide", "--json", "--save", save)
     assert (code, json.loads(out), err) == (0, {"outcome": "landed"}, f"wrote {save}\n")
@@ -144,7 +144,7 @@ def test_the_scripts_of_the_figures_travel_with_the_package():
 
 def process(code, *arguments, **environment):
     """Run a program that has the command line at hand, without JAX's slow part."""
-    text = f"import sys\nfrom jaxglide import cli\n{code}"
+    text = f"import sys\nfrom jaxglide import cli\nfrom jaxglide.cli import plot\n{code}"
     command = [sys.executable, "-c", text, *arguments]
     given = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
     return command, {k: v for k, v in {**given, **environment}.items() if v is not None}
@@ -155,7 +155,7 @@ def fake(args):
     print("ψ" * int(sys.argv[1]))
     return 0
 cli.configure = lambda: None
-cli.plot._run = fake
+plot._run = fake
 sys.exit(cli.main(["plot", "a.nc"]))
 """
 

@@ -136,7 +136,7 @@ class Snake(AbstractBody):
             if self.node_set == "gauss":
                 raise ValueError("spacing is for node_set = 'published' only")
             reach = self.nodes * self.spacing
-            if not is_traced(self.length) and reach < (1 - 1e-6) * self.length:
+            if not is_traced(self.length) and reach < (1 - 1e-6) * float(self.length):
                 raise ValueError(
                     f"nodes = {self.nodes} at a spacing of {self.spacing:g} m reach "
                     f"{reach:g} m only, less than the length of {self.length:g} m"

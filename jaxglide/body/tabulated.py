@@ -108,7 +108,7 @@ class TabulatedBody(AbstractBody):
         if not is_traced(self.position):
             self._check_stations()
         masses = self.density, self.point_mass
-        if not any(map(is_traced, masses)) and not any(np.any(m > 0) for m in masses):
+        if not any(map(is_traced, masses)) and not any(np.asarray(m).any() for m in masses):
             raise ValueError("density and point_mass are all 0: the body has no mass")
 
     def _check_stations(self):
@@ -121,8 +121,10 @@ class TabulatedBody(AbstractBody):
                     f"position goes from {before:g} to {after:g} m: it must rise from station "
                     "to station"
                 )
-        if not is_traced(self.point_position) and np.any(self.point_position > position[-1]):
-            worst = float(np.max(np.asarray(self.point_position)))
+        if is_traced(self.point_position):
+            return
+        worst = np.asarray(self.point_position).max(initial=0.0)
+        if worst > position[-1]:
             raise ValueError(
                 f"point_position = {worst:g} m lies beyond the body's length of "
                 f"{position[-1]:g} m"

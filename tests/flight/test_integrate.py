@@ -170,6 +170,31 @@ def forward():
     return points, np.asarray(jax.jit(jax.vmap(jax.jacfwd(outputs)))(points))
 
 
+def test_rates_have_derivatives_by_every_new_number(flown):
+    """Of the vector field, forward and reverse, under jit and vmap, against differences."""
+    phase, state = flown.phase, flown.state
+
+    def rates(p):
+        glider = build(p)[0]
+        return six_degrees_of_freedom(
+            0.12, state, Flight(glider, discretise(glider.body), phase)
+        )
+
+    values = jax.jit(jax.vmap(rates))
+    forward = jax.jit(jax.vmap(jax.jacfwd(rates)))(AT[None])[0]
+    reverse = jax.jit(jax.vmap(jax.jacrev(rates)))(AT[None])[0]
+    shifts = 1e-5 * np.diag(SCALE)
+    difference = (values(AT + shifts) - values(AT - shifts)).T / 2e-5
+    size = np.abs(difference).max(axis=0)
+    used = np.array([name not in ("omega", "ground") for name in NAMES])  # by the field
+    assert (size[used] > 1e-3).all()
+    assert not size[~used].any()
+    for found in (forward, reverse):
+        error = np.abs(np.asarray(found) * SCALE - difference) / np.where(size, size, 1.0)
+        assert (error < 1e-6).all(), dict(zip(NAMES, error.max(axis=0), strict=True))
+
+
+@pytest.mark.slow
 def test_derivatives_agree_with_differences_of_fixed_step_solves(forward):
     points, jacobian = forward
     values = jax.jit(jax.vmap(outputs))
@@ -185,6 +210,7 @@ def test_derivatives_agree_with_differences_of_fixed_step_solves(forward):
         assert ((np.abs(found) * SCALE / largest).max(axis=0) > 1e-5).all()
 
 
+@pytest.mark.slow
 def test_reverse_mode_is_forward_mode(forward):
     points, jacobian = forward
     reverse = jax.jit(jax.jacrev(outputs))(points[0])

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from jaxglide.ensemble.published import NU_THETA, THETA_M
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
-from jaxglide.flights.comparison import compare_paths
+from jaxglide.flights.agreement import compare_paths
 from jaxglide.flights.fit import SCALES, Fit, Fitter, fitted_dataset
 from jaxglide.flights.flights import fly_flights
 from jaxglide.plot import style

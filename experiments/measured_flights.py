@@ -13,7 +13,7 @@ from common import arguments, flights, save_figure, write_table  # first: it set
 import numpy as np
 
 from jaxglide import Outcome
-from jaxglide.flights.comparison import compare_paths, summary
+from jaxglide.flights.agreement import compare_paths, summary
 from jaxglide.flights.flights import fly_flights
 from jaxglide.plot.flights import distances, every_flight, measured_and_simulated
 from jaxglide.plot.measured import measured_gaits

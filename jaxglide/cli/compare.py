@@ -65,7 +65,7 @@ def _run(args) -> int:
     import numpy as np
 
     from ..flight.ends import Outcome
-    from ..flights.comparison import compare_paths, summary
+    from ..flights.agreement import compare_paths, summary
     from ..flights.flights import fly_flights
 
     data = measured_flights(args.data, args.json)

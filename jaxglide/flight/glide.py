@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import all_known, check_kind, check_range, is_traced, warn_float32
+from .._lib.either_mode import either_mode
 from .._lib.fields import recheck
-from .._lib.modes import either_mode
 from .._lib.report import Report
 from .._lib.types import Array, Flag, Float, Integer, Scalar, State, Vec3
 from ..body.sections import discretise

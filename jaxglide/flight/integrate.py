@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import all_known, check_kind, check_range, is_traced, number, warn_float32
-from .._lib.modes import either_mode
+from .._lib.either_mode import either_mode
 from ..body.sections import discretise
 from .dynamics import (
     RIGID,

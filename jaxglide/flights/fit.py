@@ -1,144 +1,34 @@
 """Force multipliers that bring simulated flights closest to measured ones.
 
 Least squares over the measured window of all flights at once, by exact gradients
-(Levenberg-Marquardt of Optimistix). A simulation that tumbles is continued by a parabola,
-so that the misfit stays smooth; the ground is taken away.
+(Levenberg-Marquardt of Optimistix); see `misfit`.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 import xarray as xr
 
 from .._lib.checks import check_integer, check_range
-from .._lib.modes import either_mode
-from .._lib.types import Array, Float
+from .._lib.report import Report, Reported
 from .._lib.units import labelled
 from ..ensemble.records import stamp
-from ..flight.dynamics import POSITION, VELOCITY
-from ..flight.glide import simulate
-from ..loads.polar import Polar
-from .flights import Measured, build_flight, check_flights, measured_of
+from .flights import check_flights, measured_of
+from .misfit import SCALES, Data, Plan, sensitivities, solve
 
-SCALES = ("lift_scale", "drag_scale")
-"""What is fitted: multipliers of the force coefficients."""
 CORRECTED = ("theta_m", "psi_m", "d_psi")
 """Angles of a flight's gait that may be corrected."""
 
 _TIMES = 24  # of a flight at which paths are compared
-_DEPTH = 100.0  # m of height added, so that nothing lands
-_TOLERANCE = 1e-6  # of the simulations
-_STEPS = 60  # most of one fit
 _PARTS = (0.4, 0.7, 1.0)  # of the window, fitted one after the other
 
 
-class _Plan(eqx.Module):
-    """What is part of the compiled function: angles corrected, and longest window [s]."""
-
-    corrected: tuple[str, ...] = eqx.field(static=True)
-    longest: float = eqx.field(static=True)
-
-
-class _Data(NamedTuple):
-    """What a fit is made to: flights, times [s] and places from the start [m], weights."""
-
-    flights: Measured
-    times: Float[Array, "N K"]
-    places: Float[Array, "N K 3"]
-    weights: Float[Array, " N"]
-    spread: Float[Array, " c"]
-
-
-def _flown(scales, change, flight: Measured, times, *, adjoint, plan) -> Array:
-    """Path of one flight from its start at the times, (K, 3) [m]."""
-    moved = {name: getattr(flight, name) + change[k] for k, name in enumerate(plan.corrected)}
-    moved["height"] = flight.height + _DEPTH
-    flight = replace(flight, **moved)
-    glider, launch = build_flight(flight, Polar.smooth(*scales), None)
-    options: dict[str, Any] = {"rtol": _TOLERANCE, "atol": _TOLERANCE, "adjoint": adjoint}
-    options["max_steps"] = 4096
-    glide = simulate(glider, launch, times=times, max_time=plan.longest, **options)
-    after = jnp.maximum(times - glide.time, 0.0)[:, None]
-    fall = jnp.array([0.0, 0.0, -0.5]) * glider.gravity
-    state = glide.state
-    parabola = state[POSITION] + state[VELOCITY] * after + fall * after**2
-    assert glide.states is not None
-    flying = jnp.isfinite(glide.states[:, :1])
-    path = jnp.where(flying, jnp.where(flying, glide.states, 0.0)[:, POSITION], parabola)
-    return path - jnp.array([0.0, 0.0, 1.0]) * flight.height
-
-
-_fly_to_times = either_mode(_flown)
-
-
-def _paths(y, data: _Data, plan: _Plan):
-    """Paths of all flights, (N, K, 3), for logarithms of scales, and changes [sd]."""
-    scales, changes = y
-
-    def one(change, flight, times):
-        change = change * data.spread
-        return _fly_to_times(jnp.exp(scales), change, flight, times, plan=plan)
-
-    return jax.vmap(one)(changes, data.flights, data.times)
-
-
-def _residuals(y, args):
-    """Misfit of all flights over root of their number, and changes over their sd."""
-    data, plan = args
-    count = data.weights.sum()
-    apart = (_paths(y, data, plan) - data.places) / jnp.sqrt(data.times.shape[1] * count)
-    apart = jnp.sqrt(data.weights)[:, None, None] * apart
-    return apart, y[1]
-
-
-@eqx.filter_jit
-def _solve(start, data: _Data, plan: _Plan, prior):
-    """One fit from one start."""
-
-    def weighed(y, args):
-        apart, change = _residuals(y, args)
-        return apart, change * prior
-
-    solution = optx.least_squares(
-        weighed,
-        optx.LevenbergMarquardt(rtol=1e-3, atol=1e-5),
-        start,
-        args=(data, plan),
-        max_steps=_STEPS,
-        throw=False,
-    )
-    apart = _residuals(solution.value, (data, plan))[0]
-    done = solution.result == optx.RESULTS.successful
-    return solution.value, jnp.sum(apart**2), solution.stats["num_steps"], done
-
-
-@eqx.filter_jit
-def _sensitivities(y, data: _Data, plan: _Plan):
-    """Misfits, (N, 3 K), and their derivatives by the logarithms of the scales and by each
-    flight's own changes [sd], (N, 3 K, 2 + c)."""
-    scales, changes = y
-
-    def one(change, flight, times, places):
-        def apart(z):
-            scales, change = jnp.split(z, [len(SCALES)])
-            change = change * data.spread
-            found = _fly_to_times(jnp.exp(scales), change, flight, times, plan=plan) - places
-            return found.ravel(), found.ravel()
-
-        return jax.jacfwd(apart, has_aux=True)(jnp.concatenate([scales, change]))
-
-    slopes, found = jax.vmap(one)(changes, data.flights, data.times, data.places)
-    return found, slopes
-
-
 @dataclass(frozen=True)
-class Fit:
+class Fit(Reported):
     """Force multipliers and how well they are known.
 
     Attributes:
@@ -178,18 +68,19 @@ class Fit:
         """Of the two logarithms."""
         return float(self.covariance[0, 1] / np.prod(self.relative_errors))
 
-    def __str__(self) -> str:
-        lines = [
-            f"{name} {value:.3f} +- {value * sd:.3f}"
+    def report(self) -> Report:
+        rows = [
+            (name, f"{value:.3f} +- {value * sd:.3f}")
             for (name, value), sd in zip(self.scales.items(), self.relative_errors, strict=True)
         ]
-        lines.append(f"correlation {self.correlation:+.2f}")
-        lines.append(f"paths apart {self.misfit:.3f} m, unfitted {self.misfit_before:.3f} m")
-        lines.append(
-            f"{int(self.converged.sum())} of {len(self.ends)} starts converged, misfits "
-            f"{self.misfits.min():.4f} to {self.misfits.max():.4f} m"
-        )
-        return "\n".join(lines)
+        done, each = int(self.converged.sum()), self.misfits
+        rows += [
+            ("correlation", f"{self.correlation:+.2f}"),
+            ("paths apart", f"{self.misfit:.3f} m, unfitted {self.misfit_before:.3f} m"),
+            ("starts", f"{done} of {len(self.ends)} converged"),
+            ("misfits", f"{each.min():.4f} to {each.max():.4f} m"),
+        ]
+        return Report(f"Force multipliers fitted to {len(self.errors)} flights", tuple(rows))
 
 
 class Fitter:
@@ -223,9 +114,9 @@ class Fitter:
         windows = [_windows(data, part) for part in _PARTS]
         times, places = windows[-1]
         self.corrected = tuple(uncertainty)
-        self._plan = _Plan(self.corrected, float(np.ceil(10 * times.max()) / 10))
+        self._plan = Plan(self.corrected, float(np.ceil(10 * times.max()) / 10))
         self._windows = [tuple(map(jnp.asarray, window)) for window in windows]
-        self._data = _Data(
+        self._data = Data(
             measured_of(data),
             jnp.asarray(times),
             jnp.asarray(places),
@@ -250,13 +141,13 @@ class Fitter:
         data = self._data
         if weights is not None:
             data = data._replace(weights=jnp.asarray(weights, float))
-        return jax.tree.map(np.asarray, _solve(start, data, self._plan, self._prior))
+        return jax.tree.map(np.asarray, solve(start, data, self._plan, self._prior))
 
     def sensitivities(self, y) -> tuple[np.ndarray, np.ndarray]:
         """Distances of the paths [m], (N, 3 K), and their derivatives by the logarithms of
         the scales and by each flight's own changes [sd], (N, 3 K, 2 + c), at logarithms of
         scales and changes."""
-        found = _sensitivities(y, self._data, self._plan)
+        found = sensitivities(y, self._data, self._plan)
         return np.asarray(found[0]), np.asarray(found[1])
 
     def approach(self, start):
@@ -268,7 +159,7 @@ class Fitter:
         y, whole = start, self._data
         for times, places in self._windows[:-1]:
             part = whole._replace(times=times, places=places)
-            y = _solve(y, part, self._plan, self._prior)[0]
+            y = solve(y, part, self._plan, self._prior)[0]
         return self.solve(y)
 
     def errors(self, y) -> np.ndarray:
@@ -360,6 +251,26 @@ class Fitter:
                 }
             )
         return rows
+
+
+def fit(
+    data: xr.Dataset,
+    uncertainty: Mapping[str, float] | None = None,
+    noise: float = 0.05,
+    *,
+    starts: int = 8,
+    seed: int = 0,
+) -> Fit:
+    """Force multipliers that bring simulated flights closest to measured ones.
+
+    Args:
+        data, uncertainty, noise: as in `Fitter`.
+        starts, seed: as in `Fitter.fit`.
+
+    Raises:
+        ValueError: a variable is missing, an unknown angle, a value out of range.
+    """
+    return Fitter(data, uncertainty, noise).fit(starts, seed)
 
 
 def _windows(data: xr.Dataset, part: float) -> tuple[np.ndarray, np.ndarray]:

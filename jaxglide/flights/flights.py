@@ -16,7 +16,8 @@ import xarray as xr
 
 from .._lib.checks import check_choice, check_range, warn_float32
 from .._lib.datasets import Schema, Variable, checked
-from .._lib.parameters import CHOICES, PARAMETERS
+from .._lib.fields import parameters_of
+from .._lib.parameters import CHOICES
 from .._lib.types import Array, Float
 from .._lib.units import labelled
 from ..body.snake import Snake
@@ -36,6 +37,7 @@ NECK = 0.075
 GAUSS_NODES = 60
 
 _GAIT = ("nu_theta", "theta_m", "psi_m", "d_psi", "f_theta")
+_KNOWN = {name: parameters_of(Gait)[name] for name in _GAIT}
 _FARTHEST = 100.0  # m, as for recordings
 _TRIAL, _VECTOR = ("trial",), ("trial", "frame", "axis")
 FLIGHTS = Schema(
@@ -43,7 +45,7 @@ FLIGHTS = Schema(
     {
         "trial": Variable(_TRIAL, None),
         "snake": Variable(_TRIAL, None),
-        **{n: Variable(_TRIAL, p.unit, p.low, p.high) for n in _GAIT for p in [PARAMETERS[n]]},
+        **{n: Variable(_TRIAL, p.unit, p.low, p.high) for n, p in _KNOWN.items()},
         "svl": Variable(_TRIAL, "m", 0.1, 1.5),
         "mass": Variable(_TRIAL, "kg", 1e-4, 5.0),
         "start_position": Variable(("trial", "axis"), "m", -_FARTHEST, _FARTHEST),

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 SAMPLES = 200
 
 
-class Backbone(NamedTuple):
+class MeasuredBackbone(NamedTuple):
     """The body's curve in every frame, head first.
 
     Args:
@@ -58,7 +58,7 @@ def stations(knots: np.ndarray) -> np.ndarray:
     return np.concatenate(pieces)
 
 
-def fit_backbone(markers: np.ndarray, tape: np.ndarray, rate: float) -> Backbone:
+def fit_backbone(markers: np.ndarray, tape: np.ndarray, rate: float) -> MeasuredBackbone:
     """Natural cubic spline through the markers and the neck point.
 
     Args:
@@ -72,10 +72,10 @@ def fit_backbone(markers: np.ndarray, tape: np.ndarray, rate: float) -> Backbone
     arc = stations(knots)
     along = spline(arc, 1)
     tangent = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    return Backbone(arc, spline(arc), tangent, knots)
+    return MeasuredBackbone(arc, spline(arc), tangent, knots)
 
 
-def centre_of_mass(backbone: Backbone, density: np.ndarray, svl: float) -> np.ndarray:
+def centre_of_mass(backbone: MeasuredBackbone, density: np.ndarray, svl: float) -> np.ndarray:
     """Mean position of the samples weighted by the body's density there, (frames, 3) [m].
 
     Args:

@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .backbone import Backbone
+from .backbone import MeasuredBackbone
 
 CEILING = 7.25
 """Height of the centre of mass above which the waves are still forming [m]."""
 
 
-class Bending(NamedTuple):
+class MeasuredBending(NamedTuple):
     """Bending angles in space and time.
 
     Args:
@@ -30,8 +30,8 @@ class Bending(NamedTuple):
 
 
 def bending_angles(
-    backbone: Backbone, times: np.ndarray, frames: np.ndarray, vent: int, svl: float
-) -> Bending:
+    backbone: MeasuredBackbone, times: np.ndarray, frames: np.ndarray, vent: int, svl: float
+) -> MeasuredBending:
     """Bending angles in inertial axes, with the mean attitude of each frame taken away.
 
     Args:
@@ -51,4 +51,4 @@ def bending_angles(
     theta -= theta.mean(axis=1, keepdims=True)
     slope, offset = np.polyfit(fraction, psi.T, 1)
     psi = psi - np.outer(slope, fraction) - offset[:, None]
-    return Bending(times[frames], fraction, theta, psi, slope)
+    return MeasuredBending(times[frames], fraction, theta, psi, slope)

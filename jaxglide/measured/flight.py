@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .backbone import centre_of_mass, fit_backbone
-from .bending import CEILING, Bending, bending_angles
+from .bending import CEILING, MeasuredBending, bending_angles
 from .gaps import fill_gaps
 from .modes import Modes, decompose, half_range
 from .recording import MINIMUM_FRAMES, Recording, RecordingError, whole_interval
@@ -42,7 +42,7 @@ class MeasuredFlight:
     times: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
-    bending: Bending
+    bending: MeasuredBending
     horizontal: Modes
     vertical: Modes
 

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..flights.comparison import compare_paths
+from ..flights.agreement import compare_paths
 from ._labels import axis_label, plain
 from ._style import BODY, FAINT, HEAD, INK, PAGE_WIDTH, new_axes, new_figure, place, style
 

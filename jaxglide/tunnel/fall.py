@@ -22,8 +22,8 @@ from .._lib.checks import (
     is_traced,
     warn_float32,
 )
+from .._lib.either_mode import either_mode
 from .._lib.fields import recheck
-from .._lib.modes import either_mode
 from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Integer, Scalar, Vec3
 from ..body.sections import Sections, discretise

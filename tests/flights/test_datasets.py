@@ -11,7 +11,7 @@ from jaxglide._lib.netcdf import load_netcdf
 from jaxglide._lib.units import factor, in_file
 from jaxglide.cli import main
 from jaxglide.flight.ends import Outcome
-from jaxglide.flights.comparison import compare_paths, summary
+from jaxglide.flights.agreement import compare_paths, summary
 from jaxglide.flights.flights import check_flights, measured_of
 from jaxglide.plot.saved import draw
 from made_flights import dataset, made

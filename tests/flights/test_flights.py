@@ -9,7 +9,7 @@ import xarray as xr
 from jaxglide.body.sections import discretise
 from jaxglide.flight.ends import Outcome
 from jaxglide.flight.launch import Cycle
-from jaxglide.flights.comparison import at_heights, compare_paths, summary
+from jaxglide.flights.agreement import at_heights, compare_paths, summary
 from jaxglide.flights.flights import SPACING, build_flight, fly_flights, measured_of, node_count
 from jaxglide.loads.polar import Polar
 from made_flights import dataset, made

@@ -171,7 +171,7 @@ def test_bending_angles_of_a_body_given_by_them():
         [np.cos(psi) * np.sin(theta), -np.cos(psi) * np.cos(theta), np.sin(psi)], axis=-1
     )
     knots = np.array([0, 0.025, 0.05, 0.4, 1.0, 1.2])  # head, neck point, 1, 2, vent, tail
-    curve = backbone.Backbone(arc, tangent, tangent, knots)
+    curve = backbone.MeasuredBackbone(arc, tangent, tangent, knots)
     frames = TIME > 0.4
     found = bending.bending_angles(curve, TIME, frames, vent=3, svl=0.8)
     along = (arc >= 0.05) & (arc <= 1.0)

@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from jaxglide.cli import main
-from jaxglide.flights.comparison import compare_paths
+from jaxglide.flights.agreement import compare_paths
 from jaxglide.plot.flights import distances, every_flight, measured_and_simulated
 from made_flights import dataset, paths_of
 

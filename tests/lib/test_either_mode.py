@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide._lib.modes import either_mode
+from jaxglide._lib.either_mode import either_mode
 
 
 def end_of_decay(start, rates, adjoint, unit=1.0):

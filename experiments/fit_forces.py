@@ -16,7 +16,7 @@ from jaxglide.ensemble.published import NU_THETA, THETA_M
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
 from jaxglide.flights.agreement import compare_paths
-from jaxglide.flights.fit import SCALES, Fit, Fitter, fitted_dataset
+from jaxglide.flights.fitter import SCALES, Fit, Fitter, fitted_dataset
 from jaxglide.flights.flights import fly_flights
 from jaxglide.plot import style
 from jaxglide.plot.flights import measured_and_simulated

@@ -25,7 +25,7 @@ from jaxglide.ensemble.sweep import sweep
 from jaxglide.flight.extrapolation import extrapolation
 from jaxglide.plot import before_and_after, convergence, paths
 from jaxglide.search.objectives import clearance, landing_distance, stability_margin
-from jaxglide.search.optimise import Optimum, optimise, verify
+from jaxglide.search.optimum import Optimum, optimise, verify
 from jaxglide.search.problem import SETUP, Evaluator, Problem
 
 SHAPE, GAIT = ("theta_m", "nu_theta", "d_psi"), tuple(OBSERVED)

@@ -29,7 +29,7 @@ from optimal_gaits import (
 from jaxglide._lib.parameters import OBSERVED
 from jaxglide.plot import style
 from jaxglide.search.objectives import landing_distance, stability_margin, varied
-from jaxglide.search.optimise import optimise
+from jaxglide.search.optimum import optimise
 from jaxglide.search.problem import Evaluator, Problem
 
 SPREAD = 0.1

@@ -20,7 +20,7 @@ from optimal_gaits import problem_of
 from scipy.optimize import minimize
 
 from jaxglide.plot import style
-from jaxglide.search.optimise import optimise
+from jaxglide.search.optimum import optimise
 from jaxglide.search.problem import Evaluation, Evaluator, Problem
 
 SEEDS = 5

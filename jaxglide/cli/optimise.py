@@ -163,7 +163,7 @@ def _problem(args):
 
 def _plain(args, found, sense: int) -> dict[str, Any]:
     """What was found as one JSON object."""
-    from ..search.optimise import Status
+    from ..search.optimum import Status
 
     return {
         "objective": args.objective,
@@ -181,7 +181,7 @@ def _plain(args, found, sense: int) -> dict[str, Any]:
 def _run(args) -> int:
     from ..flight.extrapolation import extrapolation
     from ..search.objectives import OBJECTIVES
-    from ..search.optimise import optimise, verify
+    from ..search.optimum import optimise, verify
     from ..search.problem import Evaluator
 
     problem, sense = _problem(args), OBJECTIVES[args.objective].sense

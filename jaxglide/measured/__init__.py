@@ -11,7 +11,7 @@ axes: x to the right, y forward, z up.
 from .flight import MeasuredFlight, measure
 from .folder import find_trials, measure_folder, read_recording
 from .recording import Body, Recording, RecordingError
-from .study import read_study
+from .study_folder import read_study
 from .table import flights_dataset
 from .tabular import read_tabular
 

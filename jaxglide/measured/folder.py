@@ -8,7 +8,7 @@ from tqdm.auto import tqdm
 
 from .flight import MeasuredFlight, measure
 from .recording import Recording, RecordingError
-from .study import read_study, study_files
+from .study_folder import read_study, study_files
 from .tabular import read_tabular, tabular_files
 
 

@@ -1,1 +1,47 @@
 """Objectives, problems and the search for the best gait or body."""
+
+from .objective import Constraint, Objective, Trial
+from .objectives import (
+    OBJECTIVES,
+    clearance,
+    curvature,
+    evaluate,
+    glide_angle,
+    glide_ratio,
+    landing_distance,
+    path_length,
+    sink_rate,
+    squared_pitch_moment,
+    stability_margin,
+    undulation_power,
+    varied,
+)
+from .optimum import Optimum, Status, Verification, optimise, verify
+from .problem import Evaluation, Evaluator, Problem
+
+__all__ = [
+    "OBJECTIVES",
+    "Constraint",
+    "Evaluation",
+    "Evaluator",
+    "Objective",
+    "Optimum",
+    "Problem",
+    "Status",
+    "Trial",
+    "Verification",
+    "clearance",
+    "curvature",
+    "evaluate",
+    "glide_angle",
+    "glide_ratio",
+    "landing_distance",
+    "optimise",
+    "path_length",
+    "sink_rate",
+    "squared_pitch_moment",
+    "stability_margin",
+    "undulation_power",
+    "varied",
+    "verify",
+]

@@ -10,7 +10,7 @@ import pytest
 from command import run
 from jaxglide.cli.gradient import _stencil
 from jaxglide.ensemble.base import published_case
-from jaxglide.search.optimise import optimise
+from jaxglide.search.optimum import optimise
 from jaxglide.search.problem import Evaluation
 
 FEW = (
@@ -50,7 +50,7 @@ def flown(monkeypatch):
                 return Evaluation(values, slopes)
 
         monkeypatch.setattr("jaxglide.search.problem.Evaluator", Made)
-        monkeypatch.setattr("jaxglide.search.optimise.Evaluator", Made)
+        monkeypatch.setattr("jaxglide.search.optimum.Evaluator", Made)
         return asked
 
     return put

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from jaxglide._lib.formats import marked
 from jaxglide._lib.netcdf import load_netcdf
 from jaxglide._lib.units import factor, in_file
 from jaxglide.cli import main
@@ -306,7 +307,7 @@ def test_compare_refuses_a_file_in_one_sentence(saved, capsys):
 
 def test_a_wrong_file_is_named_once_by_plot(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    wrong = plottable().drop_vars("snake").assign_attrs(version_jaxglide="1")
+    wrong = marked(plottable().drop_vars("snake"), "compared flights")
     wrong.to_netcdf("flown.nc", engine="h5netcdf")
     assert main(["plot", "flown.nc"]) == 2
     assert capsys.readouterr().err == (

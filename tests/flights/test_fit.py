@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxglide.flights.fit import SCALES, Fitter, fitted_dataset
+from jaxglide.flights.fitter import SCALES, Fitter, fitted_dataset
 from jaxglide.flights.flights import fly_flights
 from made_flights import dataset
 

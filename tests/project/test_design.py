@@ -136,19 +136,40 @@ def test_importing_changes_nothing():
 import sys, jax
 before = dict(jax.config.values)
 import jaxglide
+
+def loaded(*heavy):
+    return set(heavy) & set(sys.modules)
+
+rooms = list(jaxglide._ROOMS)
+for room in (*rooms[: rooms.index("tunnel") + 1], "files"):
+    for name in jaxglide._ROOMS[room]:
+        getattr(jaxglide, name)
+assert not loaded("xarray", "jaxglide.ensemble"), "for one glide"
 for name in jaxglide.__all__:
     getattr(jaxglide, name)
+assert loaded("xarray")
+heavy = loaded("matplotlib", "dask", "jaxglide.plot", "jaxglide.view", "jaxglide.cli")
+assert not heavy, heavy
 after = jax.config.values
 assert before
 changed = [name for name in before if before[name] != after[name]]
 assert not changed, changed
 assert not jax.config.jax_enable_x64
-heavy = {"matplotlib", "xarray", "dask", "jaxglide.plot", "jaxglide.view", "jaxglide.cli"}
-heavy &= set(sys.modules)
-assert not heavy, heavy
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_no_two_modules_define_public_classes_of_one_name():
+    found: dict[str, list[str]] = {}
+    for path in MODULES:
+        if module(path) == "_lib.parameters":  # whose table the fields' metadata replace
+            continue
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                found.setdefault(node.name, []).append(module(path))
+    assert found["Glider"] == ["flight.dynamics"]
+    assert {name: where for name, where in found.items() if where[1:]} == {}
 
 
 @pytest.mark.parametrize("name", jaxglide.__all__)

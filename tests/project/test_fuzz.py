@@ -27,7 +27,7 @@ from jaxglide.files.saved import open_dataset
 from jaxglide.flights.flights import fly_flights
 from jaxglide.measured import flights_dataset, measure_folder
 from jaxglide.search.objectives import landing_distance
-from jaxglide.search.optimise import optimise
+from jaxglide.search.optimum import optimise
 from jaxglide.search.problem import Problem
 from jaxglide.tunnel.fall import fall
 from jaxglide.tunnel.trim import trim

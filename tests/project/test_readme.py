@@ -313,11 +313,13 @@ def test_optimise(folder):
 @pytest.mark.slow
 def test_an_objective_of_ones_own(monkeypatch):
     """At reduced size: two starts, two steps."""
-    from jaxglide.search import optimise
+    import jaxglide
+    from jaxglide.search import optimum
 
-    whole = optimise.optimise
+    whole = optimum.optimise
     small = {"starts": 2, "steps": 2, "polish": 0}
-    monkeypatch.setattr(optimise, "optimise", lambda problem: whole(problem, **small))
+    for place in (jaxglide, optimum):
+        monkeypatch.setattr(place, "optimise", lambda problem: whole(problem, **small))
     printed, _ = run_block(blocks(section(README, "Optimise"), "python")[0])
     assert "d_psi" in printed
 
@@ -348,7 +350,7 @@ def test_a_cluster(folder, monkeypatch):
 @pytest.mark.slow
 def test_fit(golden, folder, monkeypatch):
     """At reduced size: two flights, one start."""
-    from jaxglide.flights.fit import Fitter
+    from jaxglide.flights.fitter import Fitter
 
     whole = Fitter.fit
     monkeypatch.setattr(Fitter, "fit", lambda self: whole(self, starts=1))

@@ -14,7 +14,7 @@ from jaxglide._lib.writing import BusyError, WriteError, alone
 from jaxglide.search import journal as _journal
 from jaxglide.search.journal import Journal, keeping
 from jaxglide.search.objectives import landing_distance
-from jaxglide.search.optimise import optimise
+from jaxglide.search.optimum import optimise
 from jaxglide.search.problem import Evaluation, Evaluator, Problem, fingerprint
 from made_searches import Made, problem_of
 

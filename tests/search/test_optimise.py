@@ -14,7 +14,7 @@ import xarray as xr
 from jaxglide import AbstractEnd, Case, Gait, Glider, Launch, Polar, Snake
 from jaxglide.search.ascent import Best
 from jaxglide.search.objectives import Objective, landing_distance, stability_margin
-from jaxglide.search.optimise import Status, optimise, verify
+from jaxglide.search.optimum import Status, optimise, verify
 from jaxglide.search.polish import sample_uphill, summits
 from jaxglide.search.problem import Evaluation, Evaluator, Problem
 from made_searches import FREE, Made, problem_of

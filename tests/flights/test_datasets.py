@@ -307,7 +307,7 @@ def test_compare_refuses_a_file_in_one_sentence(saved, capsys):
 
 def test_a_wrong_file_is_named_once_by_plot(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    wrong = marked(plottable().drop_vars("snake"), "compared flights")
+    wrong = plottable().drop_vars("snake")
     wrong.to_netcdf("flown.nc", engine="h5netcdf")
     assert main(["plot", "flown.nc"]) == 2
     assert capsys.readouterr().err == (
@@ -329,7 +329,8 @@ def plottable():
     """Two flights beside their simulations, as `fly_flights` labels them."""
     down = np.stack([np.zeros(8), np.linspace(0, 6, 8), np.linspace(8, 2, 8)], axis=1)
     two = xr.concat([made(down, 0.9 * down)] * 2, "trial").assign_coords(trial=["1", "2"])
-    return two.assign_coords(time_simulated=np.linspace(0, 1, 8), axis=["x", "y", "z"])
+    two = two.assign_coords(time_simulated=np.linspace(0, 1, 8), axis=["x", "y", "z"])
+    return marked(two, "compared flights")
 
 
 UNDRAWN = {

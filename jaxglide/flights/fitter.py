@@ -18,7 +18,7 @@ from .._lib.report import Report, Reported
 from .._lib.units import labelled
 from ..ensemble.records import stamp
 from .flights import check_flights, measured_of
-from .misfit import SCALES, Data, Plan, sensitivities, solve
+from .misfit import SCALES, FitData, FitPlan, sensitivities, solve
 
 CORRECTED = ("theta_m", "psi_m", "d_psi")
 """Angles of a flight's gait that may be corrected."""
@@ -114,9 +114,9 @@ class Fitter:
         windows = [_windows(data, part) for part in _PARTS]
         times, places = windows[-1]
         self.corrected = tuple(uncertainty)
-        self._plan = Plan(self.corrected, float(np.ceil(10 * times.max()) / 10))
+        self._plan = FitPlan(self.corrected, float(np.ceil(10 * times.max()) / 10))
         self._windows = [tuple(map(jnp.asarray, window)) for window in windows]
-        self._data = Data(
+        self._data = FitData(
             measured_of(data),
             jnp.asarray(times),
             jnp.asarray(places),

@@ -27,14 +27,14 @@ _TOLERANCE = 1e-6  # of the simulations
 _STEPS = 60  # most of one fit
 
 
-class Plan(eqx.Module):
+class FitPlan(eqx.Module):
     """What is part of the compiled function: angles corrected, and longest window [s]."""
 
     corrected: tuple[str, ...] = eqx.field(static=True)
     longest: float = eqx.field(static=True)
 
 
-class Data(NamedTuple):
+class FitData(NamedTuple):
     """What a fit is made to: flights, times [s] and places from the start [m], weights."""
 
     flights: Measured
@@ -65,7 +65,7 @@ def _flown(scales, change, flight: Measured, times, *, adjoint, plan) -> Array:
 _fly_to_times = either_mode(_flown)
 
 
-def _paths(y, data: Data, plan: Plan):
+def _paths(y, data: FitData, plan: FitPlan):
     """Paths of all flights, (N, K, 3), for logarithms of scales, and changes [sd]."""
     scales, changes = y
 
@@ -86,7 +86,7 @@ def _residuals(y, args):
 
 
 @eqx.filter_jit
-def solve(start, data: Data, plan: Plan, prior):
+def solve(start, data: FitData, plan: FitPlan, prior):
     """One fit from one start."""
 
     def weighed(y, args):
@@ -107,7 +107,7 @@ def solve(start, data: Data, plan: Plan, prior):
 
 
 @eqx.filter_jit
-def sensitivities(y, data: Data, plan: Plan):
+def sensitivities(y, data: FitData, plan: FitPlan):
     """Misfits, (N, 3 K), and their derivatives by the logarithms of the scales and by each
     flight's own changes [sd], (N, 3 K, 2 + c)."""
     scales, changes = y

@@ -113,9 +113,13 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_netcdf(path: str | Path, data: "xr.Dataset") -> None:
-    """Write a dataset as a NetCDF 4 file; see `replacing`."""
+    """Write a dataset as a NetCDF 4 file; see `replacing`.
+
+    Coordinates have no value that stands for a missing one, as CF asks.
+    """
     memory = io.BytesIO()
-    data.to_netcdf(memory, engine="h5netcdf")
+    whole = {name: {"_FillValue": None} for name, c in data.coords.items() if c.dtype.kind == "f"}
+    data.to_netcdf(memory, engine="h5netcdf", encoding=whole)
     write_bytes(path, memory.getbuffer())
 
 

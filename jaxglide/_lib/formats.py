@@ -27,7 +27,6 @@ TITLES = {
 CONVENTIONS = "CF-1.11"
 _STANDARD_NAMES = {  # of CF's table, which has none for the others
     "air_density": "air_density",
-    "height": "height",
     "outcome": "status_flag",
     "launch_speed": "platform_speed_wrt_ground",
 }
@@ -42,8 +41,9 @@ def marked(data: xr.Dataset, kind: str) -> xr.Dataset:
     """
     data = data.copy()
     for name, standard in _STANDARD_NAMES.items():
-        if name in data.variables and "units" in data[name].attrs:
-            data[name].attrs["standard_name"] = standard
+        known = data[name].attrs if name in data.variables else {}
+        if ("flag_values" if standard == "status_flag" else "units") in known:
+            known["standard_name"] = standard
     version = metadata.version("jaxglide")
     return data.assign_attrs(
         format=f"jaxglide {kind} {VERSION}",

@@ -118,8 +118,9 @@ def write_netcdf(path: str | Path, data: "xr.Dataset") -> None:
     Coordinates have no value that stands for a missing one, as CF asks.
     """
     memory = io.BytesIO()
-    whole = {name: {"_FillValue": None} for name, c in data.coords.items() if c.dtype.kind == "f"}
-    data.to_netcdf(memory, engine="h5netcdf", encoding=whole)
+    whole = [name for name, values in data.coords.items() if values.dtype.kind == "f"]
+    filled: Any = {name: {"_FillValue": None} for name in whole}
+    data.to_netcdf(memory, engine="h5netcdf", encoding=filled)
     write_bytes(path, memory.getbuffer())
 
 

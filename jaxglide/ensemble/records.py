@@ -79,7 +79,8 @@ def study_coordinates(study: AbstractPlan) -> dict[str, Any]:
     return {name: (*value, labelled(*study.about(name))) for name, value in given.items()}
 
 
-def _outcome_attributes(outcomes: Mapping[int, str]) -> dict[str, Any]:
+def outcome_flags(outcomes: Mapping[int, str]) -> dict[str, Any]:
+    """Attributes of outcomes, int32, by CF's flags."""
     return {
         "flag_values": np.array(list(outcomes), dtype=np.int32),
         "flag_meanings": " ".join(word.replace(" ", "_") for word in outcomes.values()),
@@ -121,7 +122,7 @@ def study_dataset(study: AbstractPlan, flown: Mapping[str, np.ndarray]) -> xr.Da
         values = values.reshape(*study.shape, *values.shape[1:])
         attributes = labelled(unit, long_name)
         if name == "outcome":
-            attributes |= _outcome_attributes(study.outcomes)
+            attributes |= outcome_flags(study.outcomes)
         values = np.rad2deg(values) if radians else values
         variables[name] = ((*dims, *trailing), values, attributes)
     settings = {**study.setup, "rtol": study.rtol, "atol": study.atol}

@@ -11,11 +11,11 @@ import xarray as xr
 from .._lib.checks import check_kind, check_range, warn_float32
 from .._lib.parameters import HELD_SPEED, MAX_STEPS, MAX_TIME
 from .._lib.units import labelled
-from ..flight.ends import default_ends
+from ..flight.ends import default_ends, outcome_words
 from ..tunnel.fall import fall, read_records
 from ..tunnel.loads import MOMENT_PHASES, check_angles, over_phases
 from .batch import shared, spread
-from .records import stamp, study_coordinates
+from .records import outcome_flags, stamp, study_coordinates
 from .study import Study
 
 ABOUT = ("pitch", "roll", "yaw")
@@ -47,7 +47,7 @@ def _faller(structure, leaves, options, devices):
         tolerances = {"rtol": rtol, "atol": atol}
         fallen = fall(case.glider, case.launch, angles=angles, **tolerances, **options)
         return {
-            "outcome": fallen.outcome,
+            "outcome": fallen.outcome.astype(jnp.int32),
             "time": fallen.time,
             "landing_point": fallen.state[0],
             "states": fallen.states,
@@ -176,6 +176,7 @@ def _dataset(study: Study, values, times, phases, options) -> xr.Dataset:
         value = np.asarray(values[name])
         shaped = value.reshape(*study.shape, *value.shape[1:])
         variables[name] = ((*dims, *trailing), shaped, labelled(unit, long_name))
+    variables["outcome"][2].update(outcome_flags(outcome_words(())))
     record = {"study": study.to_json(), **study.setup}
     record |= {"rtol": study.rtol, "atol": study.atol}
     return stamp(xr.Dataset(variables, coords=coordinates), record, "held glides")

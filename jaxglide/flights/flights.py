@@ -252,12 +252,13 @@ def fly_flights(
             "launch attitude",
         ),
     }
+    clock = labelled("s", "time since the start of the simulation")
     found = xr.Dataset(
         {
             name: (dims, values, labelled(unit, long_name))
             for name, (dims, values, unit, long_name) in variables.items()
         },
-        coords={"time_simulated": ("time_simulated", _TIMES, {"units": "s"})}
+        coords={"time_simulated": ("time_simulated", _TIMES, clock)}
         | {"angle": angles, "axis": ["x", "y", "z"]}
         | {name: data[name] for name in ("trial", "snake")},
     )

@@ -129,7 +129,7 @@ def flights_dataset(flights: Sequence[MeasuredFlight]) -> xr.Dataset:
         "snake": ("trial", [flight.snake for flight in flights]),
         "axis": ["x", "y", "z"],
         "wave": list(WAVES),
-        "mode": np.arange(1, MODES + 1),
+        "mode": ("mode", np.arange(1, MODES + 1), labelled("", "number of the mode")),
         "part": ["real", "imaginary"],
     }
     variables = {

@@ -75,8 +75,8 @@ def labelled(
         coords={
             "parameter": list(problem.names),
             "unit": (at, [in_file(p.unit) or "1" for p in about]),
-            "low": (at, problem.low),
-            "high": (at, problem.high),
+            "low": (at, problem.low, with_unit("mixed", "lower bound")),
+            "high": (at, problem.high, with_unit("mixed", "upper bound")),
         },
     )
     data["status"].attrs |= {

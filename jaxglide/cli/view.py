@@ -4,9 +4,8 @@ import re
 import sys
 from pathlib import Path
 
-from .._lib.parameters import PARAMETERS
-from ._case import add_glider, add_tolerances, build_from, numbers_of, setup_of
-from ._options import UsageError, a_number, add_force, out_of, refuse, writable
+from ._case import add_glider, add_tolerances, case_of
+from ._options import UsageError, a_number, add_force, out_of, pair, refuse, writable
 
 _KINDS = (".html", ".gif", ".mp4", ".png")
 
@@ -43,59 +42,48 @@ def _changes(args) -> list[tuple[str, float]]:
     """Names and values given with --compare."""
     changes = []
     for text in args.compare:
-        name, _, value = text.partition("=")
-        if name not in PARAMETERS:
-            raise UsageError(
-                f"--compare {text!r}: no parameter {name!r}; known are {', '.join(PARAMETERS)}"
-            )
-        try:
-            changes.append((name, float(value)))
-        except ValueError:
-            raise UsageError(f"--compare {text!r} is not NAME=VALUE") from None
+        changes.append(pair("--compare", text))
         if changes.count(changes[-1]) > 1:
             raise UsageError(f"--compare {text} is given twice")
     return changes
 
 
-def _words(case: dict, names) -> str:
-    """The named parameters of a case, in words and with their units."""
-    said = {name: re.split(r",| \(", PARAMETERS[name].meaning)[0] for name in names}
-    return ", ".join(f"{said[n]} = {case[n]:g} {PARAMETERS[n].unit}".rstrip() for n in names)
+def _words(case, name: str, value: float) -> str:
+    """A parameter of a case with a value, in words and with its unit."""
+    known = case.parameter(name)
+    said = re.split(r",| \(", known.meaning)[0]
+    return f"{said} = {value:g} {known.unit}".rstrip()
 
 
 def _glides(args, changes):
     """The glides to show, and their labels."""
-    from ..ensemble.cases import build, check_parameters, check_setup, full_case
     from ..flight.glide import simulate
 
-    given, setup = numbers_of(args), check_setup(setup_of(args))
-    cases = [given, *({**given, name: value} for name, value in changes)]
-    for case in cases:
-        check_parameters(case)
-    compared = list(dict.fromkeys(name for name, _ in changes))
-    full = full_case(given)
-    stated = [name for name in compared if full[name] is not None]
-    labels = [_words(full, stated) or "as given"]
-    labels += [_words({name: value}, [name]) for name, value in changes]
+    case = case_of(args)
+    for name, value in changes:
+        case.check({name: value})
+    cases = [case, *(case.replace({name: value}) for name, value in changes)]
+    compared = {name: case.value(name) for name in dict.fromkeys(n for n, _ in changes)}
+    stated = [_words(case, n, float(v)) for n, v in compared.items() if v is not None]
+    labels = [", ".join(stated) or "as given", *(_words(case, *one) for one in changes)]
 
-    def fly(glider, launch):
-        return simulate(glider, launch, rtol=args.rtol, atol=args.atol, dense=True)
+    def fly(one):
+        options = {"rtol": args.rtol, "atol": args.atol, "dense": True}
+        return simulate(one.glider, one.launch, ends=one.ends, **options)
 
-    glides = [fly(*build_from(args)), *(fly(*build(case, setup)) for case in cases[1:])]
-    return glides, labels
+    return [fly(one) for one in cases], labels
 
 
 def _computed(glides, labels) -> bool:
     """Whether all glides were computed to their ends; those that were not are named."""
     from ..flight.ends import Outcome
 
-    outcomes = [Outcome(int(glide.outcome)) for glide in glides]
-    lost = [k for k, outcome in enumerate(outcomes) if outcome > Outcome.UNSTABLE_ROLL]
+    wrong = (Outcome.OUT_OF_TIME, Outcome.OUT_OF_STEPS, Outcome.NON_FINITE)
+    lost = [k for k, glide in enumerate(glides) if int(glide.outcome) in wrong]
     for k in lost:
         name = "the glide" if len(glides) == 1 else f"the glide with {labels[k]}"
-        print(
-            f"jaxglide: {name} {outcomes[k]} at {float(glides[k].time):.6g} s", file=sys.stderr
-        )
+        told = f"{name} {glides[k].ending} at {float(glides[k].time):.6g} s"
+        print(f"jaxglide: {told}", file=sys.stderr)
     return not lost
 
 

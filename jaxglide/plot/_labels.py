@@ -6,17 +6,13 @@ from typing import Any
 import xarray as xr
 from matplotlib.font_manager import FontProperties, findfont, get_font
 
-from .._lib.parameters import PARAMETERS
+from .._lib.fields import Parameter, parameters_of
+from ..ensemble.base import published_case
+from ..shape.gait import Gait
 from ._style import FONT
 
-SYMBOLS = {
-    "theta_m": r"$\theta_m$",
-    "nu_theta": r"$\nu_\theta$",
-    "d_psi": r"$d_\psi$",
-    "psi_m": r"$\psi_m$",
-    "f_theta": r"$f_\theta$",
-    "d_theta": r"$d_\theta$",
-}
+SYMBOLS = {name: f"${known.symbol}$" for name, known in parameters_of(Gait).items()}
+"""Of the gait's numbers."""
 _UNITS = {
     "deg": "°",
     "degree": "°",
@@ -87,19 +83,32 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} ({shown(unit)})" if unit and unit != "1" else name
 
 
-def parameter_label(name: str) -> str:
-    """Label of an axis over a parameter."""
+@cache
+def _published() -> dict[str, Parameter]:
+    """What is known of the published snake's single numbers, by name."""
+    case = published_case()
+    return {case.name(path): known for path, known in case.parameters.items()}
+
+
+def parameter_label(name: str, unit: str = "") -> str:
+    """Label of an axis over a parameter.
+
+    Args:
+        name: of the parameter.
+        unit: of one that the published snake does not have.
+    """
     if name == "nu_theta":
         return rf"waves {SYMBOLS[name]} (per SVL)"
-    if name not in PARAMETERS:
-        return plain(name)
-    return with_unit(SYMBOLS.get(name, name.replace("_", " ")), PARAMETERS[name].unit)
+    known = _published().get(name)
+    if known is None:
+        return with_unit(plain(name), unit)
+    return with_unit(SYMBOLS.get(name, name.replace("_", " ")), known.unit)
 
 
 def label_of(values: xr.DataArray) -> str:
     """Label of an axis that shows `values`: name and unit, from its attributes."""
     name = str(values.name)
-    if name in PARAMETERS:
+    if name in values.coords and name in _published():
         return parameter_label(name)
     return with_unit(_said(values), str(values.attrs.get("units", "")))
 

@@ -6,7 +6,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from ..flight.ends import Outcome
-from ._labels import parameter_label
+from ._labels import label_of
 from ._style import new_figure, style
 
 
@@ -46,9 +46,9 @@ def stable_atlas(data: xr.Dataset) -> Figure:
                 across, up, share.values, shading="nearest", vmin=0, vmax=100, cmap="viridis"
             )
             if names.index(y) == count:
-                ax.set_xlabel(parameter_label(x))
+                ax.set_xlabel(label_of(data[x]))
             if names.index(x) == 0:
-                ax.set_ylabel(parameter_label(y))
+                ax.set_ylabel(label_of(data[y]))
         assert mesh is not None
         figure.colorbar(mesh, ax=axes, shrink=0.5, label="stable glides (%)")
         total = int(computed.sum())

@@ -27,6 +27,6 @@ def trim_curve(trim: Trim, ax: Axes | None = None) -> Axes:
             ax.plot([value], [0], "o", color=HEAD, ms=5)
             text = f"{value:.2f} {shown(unit)}".replace(" °", "°").rstrip()
             ax.annotate(text, (value, 0), (0, 6), textcoords="offset points", ha="right")
-        ax.set_xlabel(parameter_label(trim.parameter))
+        ax.set_xlabel(parameter_label(trim.parameter, unit))
         ax.set_ylabel("mean pitch moment (N mm)")
     return ax

@@ -1,6 +1,7 @@
 """Views: the geometry is the model's, the page is one safe file, mistakes are named."""
 
 import base64
+import functools
 import gzip
 import hashlib
 import html
@@ -448,6 +449,7 @@ def flown(glide, monkeypatch):
     """The command line with one glide for all: gliders and launches that were to fly."""
     flown = []
 
+    @functools.wraps(simulate)
     def fake(glider, launch, **options):
         flown.append((glider, launch, options))
         return glide

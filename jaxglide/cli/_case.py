@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
+
 from .._lib.checks import check_integer
 from .._lib.fields import Parameter, parameters_of
 from ..air.air import Gust, ShearWind, Turbulence, UniformWind
@@ -15,6 +17,7 @@ from ..ensemble import parts
 from ..ensemble.base import check_setup, published_case
 from ..flight.case import Case
 from ..flight.dynamics import Glider
+from ..flight.ends import Outcome
 from ..flight.glide import simulate
 from ..flight.launch import Launch
 from ..loads.aerodynamics import LaggingCirculation
@@ -59,6 +62,7 @@ _PARTS: dict[str, tuple[type, str]] = {
     "omega": (Launch, "omega"),
 }
 _VECTORS = ("wind", "shear", "gust", "omega")
+SETUP = ("polar", "node_set", "nodes")
 PARTS = ("body", *_PARTS, "turbulence_seed", "end")
 """Flags of parts, by the name of their value."""
 _ENDS = "ground=Z, angle=LIMIT, angle=LIMIT:pitch,roll, plane=NX,NY,NZ,D nor time=T"
@@ -280,7 +284,7 @@ def tables_of(args) -> dict[str, Any]:
 
 def setup_of(args) -> dict:
     """The setup given on the command line."""
-    return {name: getattr(args, name) for name in ("polar", "node_set", "nodes")}
+    return {name: getattr(args, name) for name in SETUP}
 
 
 def base_of(args) -> dict[str, Any]:
@@ -299,7 +303,12 @@ def case_of(args, **defaults: float) -> Case:
             raise UsageError(
                 f"{args.given[name]} does not apply: {args.body} decides it"
             ) from None
-    case = case.replace(defaults | numbers)
+    return replaced(case, defaults | numbers)
+
+
+def replaced(case: Case, values: Mapping[str, float]) -> Case:
+    """The case with other numbers; `ValueError` where one that follows is out of range."""
+    case = case.replace(values)
     case.check({path: case.value(path) for path in case.follow})
     return case
 
@@ -308,6 +317,12 @@ def build_from(args, **defaults: float) -> tuple[Glider, Launch]:
     """Glider and launch of `case_of`."""
     case = case_of(args, **defaults)
     return case.glider, case.launch
+
+
+def computed(codes) -> Any:
+    """Whether flights that ended with these codes were computed to their end."""
+    lost = Outcome.OUT_OF_TIME, Outcome.OUT_OF_STEPS, Outcome.NON_FINITE
+    return ~np.isin(codes, lost)
 
 
 # Problems

@@ -2,7 +2,7 @@
 
 import sys
 
-from ._case import add_glider, add_tolerances, case_of
+from ._case import add_glider, add_tolerances, case_of, computed
 from ._options import add_output, print_json, write
 
 _SOLVERS = ("dopri5", "tsit5", "dopri8", "bosh3")
@@ -27,7 +27,6 @@ def _run(args) -> int:
     import diffrax
     import numpy as np
 
-    from ..flight.ends import Outcome
     from ..flight.glide import simulate
 
     case = case_of(args)
@@ -41,7 +40,6 @@ def _run(args) -> int:
         solver=dict(zip(_SOLVERS, solvers, strict=True))[args.solver](),
         dense=args.save is not None or args.plot is not None,
     )
-    outcome = Outcome(int(glide.outcome))
 
     def data():
         from ..files.glides import glide_dataset
@@ -53,8 +51,8 @@ def _run(args) -> int:
 
         return glide_overview(glide)
 
-    computed = outcome <= Outcome.UNSTABLE_ROLL
-    if computed:
+    whole = bool(computed(glide.outcome))
+    if whole:
         write(data, figure, args)
 
     def angles(values):
@@ -64,7 +62,7 @@ def _run(args) -> int:
     if args.json:
         start = glide.take_off
         result = {
-            "outcome": str(outcome),
+            "outcome": glide.ending,
             "time": float(glide.time),
             "landing_point": np.asarray(glide.landing_point).tolist(),
             "path_length": float(glide.path_length),
@@ -81,8 +79,8 @@ def _run(args) -> int:
         print_json(result)
     else:
         print(glide)
-    if not computed:
-        said = f"the glide {outcome} at {float(glide.time):.6g} s"
+    if not whole:
+        said = f"the glide {glide.ending} at {float(glide.time):.6g} s"
         nothing = ": no file was written" if args.save or args.plot else ""
         print(f"jaxglide: {said}{nothing}", file=sys.stderr)
         return 1

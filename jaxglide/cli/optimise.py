@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from .._lib.parameters import GRADIENT_SETUP, SEARCH_TOLERANCE
-from ._case import add_objective, add_setup, add_tolerances, base_of, fixed_of, free_of
+from ._case import add_objective, add_setup, add_tolerances, base_of, case_of, fixed_of, free_of
 from ._options import (
     UsageError,
     add_output,
@@ -79,13 +79,11 @@ def _bounds(args) -> dict[str, tuple[float, float]]:
             raise UsageError(f"{text!r} is not NAME=LOW:HIGH") from None
         return name, (low, high)
 
-    from ..ensemble.base import published_case
-
     given, names = by_name("--bounds", map(named, args.bounds)), free_of(args)
     for name in given:
         if name not in names:
             raise UsageError(f"--bounds {name}: it is not free")
-    case, bounds = published_case(), {}
+    case, bounds = case_of(args), {}
     for name in names:
         found = given.get(name, case.parameter(name).observed)
         if found is None:

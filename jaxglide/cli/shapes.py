@@ -5,7 +5,7 @@ import time
 
 from .._lib.fields import parameters_of
 from ..flight.launch import Launch
-from ._case import add_number, add_tolerances
+from ._case import add_number, add_tolerances, computed
 from ._options import add_output, print_json, write
 
 
@@ -31,7 +31,6 @@ def add(commands) -> None:
 
 def _run(args) -> int:
     from ..ensemble.published import borderline, shape_space, summary
-    from ..flight.ends import Outcome
 
     begin = time.perf_counter()
     data = shape_space(args.height, rtol=args.rtol, atol=args.atol)
@@ -44,7 +43,7 @@ def _run(args) -> int:
 
     write(lambda: data, figure, args)
     rows = summary(data)
-    lost = int((data.outcome > Outcome.UNSTABLE_ROLL).sum())
+    lost = int((~computed(data.outcome)).sum())
     if lost:
         said = f"{lost} of {data.outcome.size} glides could not be computed to their end"
         print(f"jaxglide: {said}", file=sys.stderr)

@@ -5,7 +5,16 @@ from pathlib import Path
 from typing import Any
 
 from .._lib.fields import Parameter
-from ._case import add_number, add_setup, add_tolerances, fixed_of, setup_of
+from ._case import (
+    PARTS,
+    SETUP,
+    add_number,
+    add_setup,
+    add_tolerances,
+    base_of,
+    computed,
+    fixed_of,
+)
 from ._options import (
     UsageError,
     add_output,
@@ -73,13 +82,13 @@ def _study(args):
     if args.file is not None:
         if args.vary or args.fix:
             raise UsageError("give a study file or --vary and --fix, not both")
-        refuse(args, ("polar", "node_set", "nodes", "rtol", "atol"), f"{args.file} decides it")
+        refuse(args, (*SETUP, *PARTS, "rtol", "atol"), f"{args.file} decides it")
         return Study.from_file(args.file)
     if not args.vary:
         raise UsageError("nothing to vary: give a study file or --vary NAME=VALUES")
     grid = expanded(by_name("--vary", map(_varied, args.vary)))
-    setup = {"setup": setup_of(args), "rtol": args.rtol, "atol": args.atol}
-    return Study(grid, fixed=fixed_of(args), **setup)
+    tolerances = {"rtol": args.rtol, "atol": args.atol}
+    return Study(grid, fixed=fixed_of(args), **base_of(args), **tolerances)
 
 
 def _run(args) -> int:
@@ -99,11 +108,10 @@ def _report(study, data, took: float, as_json: bool) -> int:
     """Print how the glides ended; returns the exit code: 1 unless all were computed."""
     import numpy as np
 
-    from ..flight.ends import Outcome
-
     codes = data.outcome.values.ravel()
-    counts = {str(o): int((codes == o).sum()) for o in Outcome if (codes == o).any()}
-    done = (codes >= Outcome.LANDED) & (codes <= Outcome.UNSTABLE_ROLL)
+    found = {words: int((codes == code).sum()) for code, words in study.outcomes.items()}
+    counts = {words: count for words, count in found.items() if count}
+    done = computed(codes)
     code = 0 if done.all() else 1
     if as_json:
         print_json({"glides": len(study), "seconds": took, "outcomes": counts})

@@ -4,7 +4,7 @@ import re
 import sys
 from pathlib import Path
 
-from ._case import add_glider, add_tolerances, case_of
+from ._case import add_glider, add_tolerances, case_of, computed, replaced
 from ._options import UsageError, a_number, add_force, out_of, pair, refuse, writable
 
 _KINDS = (".html", ".gif", ".mp4", ".png")
@@ -62,7 +62,7 @@ def _glides(args, changes):
     case = case_of(args)
     for name, value in changes:
         case.check({name: value})
-    cases = [case, *(case.replace({name: value}) for name, value in changes)]
+    cases = [case, *(replaced(case, {name: value}) for name, value in changes)]
     compared = {name: case.value(name) for name in dict.fromkeys(n for n, _ in changes)}
     stated = [_words(case, n, float(v)) for n, v in compared.items() if v is not None]
     labels = [", ".join(stated) or "as given", *(_words(case, *one) for one in changes)]
@@ -76,10 +76,7 @@ def _glides(args, changes):
 
 def _computed(glides, labels) -> bool:
     """Whether all glides were computed to their ends; those that were not are named."""
-    from ..flight.ends import Outcome
-
-    wrong = (Outcome.OUT_OF_TIME, Outcome.OUT_OF_STEPS, Outcome.NON_FINITE)
-    lost = [k for k, glide in enumerate(glides) if int(glide.outcome) in wrong]
+    lost = [k for k, glide in enumerate(glides) if not computed(glide.outcome)]
     for k in lost:
         name = "the glide" if len(glides) == 1 else f"the glide with {labels[k]}"
         told = f"{name} {glides[k].ending} at {float(glides[k].time):.6g} s"

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 import jaxglide
 from jaxglide import Gait, Glider, Launch, Polar, Snake, StillAir, simulate
 from jaxglide.cli import _parser, main
+from jaxglide.ensemble.parts import case_of
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import survey
 from jaxglide.ensemble.sweep import sweep
@@ -125,6 +126,23 @@ _BAD_PAIRS = [
     *("nu_theta=1:2", "nu_theta=1:2:0", "nu_theta=1:2:1e9", "nu_theta=1,,2", "nu_theta=2:1:x"),
     *("nu_theta=1:2:99999999999999", "nu_theta=inf:1:3", "é=1", "nu_theta==1", "height=-1"),
 ]
+_BAD_VECTORS = [
+    "1,2",
+    "1,2,3,4",
+    "1,x,2",
+    "nan,0,0",
+    "0,inf,0",
+    "",
+    ",,",
+    "1e9,0,0",
+    "1;2;3",
+    "½,0,0",
+]
+_BAD_ENDS = [
+    *("tree=1", "ground", "ground=x", "ground=nan", "angle=-1", "angle=", "angle=80:", "=", ""),
+    *("angle=80:nod", "angle=80:yaw,yaw", "plane=0,0,0,1", "plane=1,2", "plane=nan,0,0,1"),
+    *("time=", "time=-1", "time=none", "time=1e9", "time=inf", "é=1", "ground==1"),
+]
 _BAD_FILES = [
     "missing",
     "missing/x.nc",
@@ -164,6 +182,10 @@ def bad_value(action):
         return st.sampled_from(_BAD_WHOLE)
     if kind == "a_number":
         return st.sampled_from(_BAD_NUMBERS)
+    if kind == "three":
+        return st.sampled_from(_BAD_VECTORS)
+    if action.dest == "end":
+        return st.sampled_from(_BAD_ENDS)
     if action.dest in _PAIRS:
         fine = {"nu_theta=1:2"} if action.dest == "bounds" else set()
         return st.sampled_from(sorted(set(_BAD_PAIRS) - fine))
@@ -226,6 +248,9 @@ def test_the_drawn_options_are_those_there_are():
         "vary",
         "polar",
         "file",
+        "body",
+        "wind",
+        "end",
     }
     found = {action.dest for parser in commands().values() for action in options_of(parser)}
     assert found >= some | {"fix", "save", "plot", "log", "store"}
@@ -245,6 +270,8 @@ _PARTS = [None, "x", 1.0, [], {}, object(), Gait, lambda: None]
 _BOUNDS = ["x", (1,), (2, 1), (0, np.nan), (0, 99), 3.0, {}]
 _FREE = [None, {}, [], "x", 3, ["mass"], {"x": (0, 1)}]
 _FREE += [{"nu_theta": ends} for ends in ((2, 1), 1, (1, np.nan), "ab", (0, 1, 2))]
+
+_TABLES = ["x", 1.5, [1], None, {"x": 1}, {"kind": 3}, {3: 3}, {"nodes": "x"}, {"file": 3}]
 
 STUDY_OF_ONE = Study({"nu_theta": [1.2]})
 
@@ -269,6 +296,10 @@ def _study(**changed):
 
 def _flown(**changed):
     return simulate(**({"glider": GLIDER} | changed))
+
+
+def _wind_of(**changed):
+    return case_of({"air": {"kind": "uniform", "velocity": [1, 0, 0]} | changed})
 
 
 def _dropped(**changed):
@@ -307,6 +338,14 @@ _TABLE = [
     (lambda **k: survey(STUDY_OF_ONE, **k), "phases", _COUNTS),
     (lambda **k: sweep(STUDY_OF_ONE, **k), "width", _COUNTS),
     (sweep, "study", _PARTS),
+    (lambda **k: case_of(k), "body gait polar aerodynamics air launch", _TABLES),
+    (
+        lambda **k: case_of(k),
+        "ends",
+        [*filter(None, _TABLES), [3], [{}], [{"kind": "x"}], [{"level": 1}]],
+    ),
+    (_wind_of, "velocity", [*_NOT_NUMBERS, None, [1, 2, np.nan], ["x", 0, 0], [1e9, 0, 0]]),
+    (_wind_of, "kind", [None, 3, "", "storm", [], {}]),
 ]
 _WITHIN = {"free": ("nu_theta", "mass", "'x'"), "bounds": ("d_psi",)}  # named instead
 ARGUMENTS = [(make, name, bad) for make, names, bad in _TABLE for name in names.split()]

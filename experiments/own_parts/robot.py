@@ -30,9 +30,7 @@ def main(height: float = 10.0) -> None:
         body = robot(battery)
         sections = discretise(body)
         centre = float(jnp.sum(sections.mass * sections.fraction) / body.mass * body.length)
-        print(
-            f"battery at {battery:.2f} m: {1e3 * float(body.mass):.1f} g, centre at {centre:.3f} m"
-        )
+        print(f"battery at {battery:.2f} m, centre of mass at {centre:.3f} m")
         print(simulate(Glider(body, Gait.from_degrees(), Polar.smooth()), Launch(height)))
 
 

@@ -121,7 +121,7 @@ def check_shape(name: str, value: Any, shape: tuple) -> None:
     raise ValueError(f"{name} has shape {found}: it must be {words if shape else 'one number'}")
 
 
-def check_given(what: str, value: Any, shape: tuple[int, ...]) -> None:
+def check_given(what: str, value: Any, shape: tuple) -> None:
     """Raise unless what a part of a user's own gives is an array of a shape.
 
     Called where a function is traced, and only there: what is compiled pays nothing for it.

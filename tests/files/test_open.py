@@ -22,9 +22,10 @@ from jaxglide.files import glide_dataset, log_dataset
 from jaxglide.flight.ends import default_ends
 from jaxglide.flight.solve import settings_of
 from jaxglide.flight.trajectory import Trajectory
-from jaxglide.flights import fit, flights
+from jaxglide.flights import fitter as fits
+from jaxglide.flights import flights
 from jaxglide.measured import flights_dataset, measure_folder
-from jaxglide.search.optimise import optimise
+from jaxglide.search.optimum import optimise
 from made_recordings import swimming, write_tabular
 from made_searches import Made, problem_of
 
@@ -130,7 +131,7 @@ def fitted():
         misfit=1.0,
         misfit_before=2.0,
     )
-    return fit.fitted_dataset(fitter, one)
+    return fits.fitted_dataset(fitter, one)
 
 
 @pytest.fixture(scope="module")

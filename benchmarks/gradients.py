@@ -42,18 +42,19 @@ def run(row: dict) -> dict:
     jax.config.update("jax_enable_x64", True)
     import jax.numpy as jnp
 
-    from jaxglide.ensemble.cases import build
+    from jaxglide.ensemble.base import published_case
     from jaxglide.flight.glide import simulate
-    from jaxglide.search.problem import SETUP, check_setup
+    from jaxglide.search.problem import SETUP
 
-    setup, n = check_setup(SETUP), row["parameters"]
+    base, n = published_case(SETUP), row["parameters"]
     reverse = row["mode"] == "reverse"
     adjoint = diffrax.RecursiveCheckpointAdjoint() if reverse else diffrax.ForwardMode()
 
     def distance(x):
-        case = {**dict(zip(NAMES, x, strict=False)), "height": row["height"]}
+        case = base.replace(dict(zip(NAMES, x, strict=False)) | {"height": row["height"]})
         options = {"rtol": 1e-7, "atol": 1e-7, "max_steps": 4096}
-        return simulate(*build(case, setup), adjoint=adjoint, **options).landing_point[1]
+        glide = simulate(case.glider, case.launch, adjoint=adjoint, **options)
+        return glide.landing_point[1]
 
     function = {
         "none": distance,

@@ -17,8 +17,7 @@ import numpy as np
 import xarray as xr
 
 from jaxglide import Outcome, simulate
-from jaxglide._lib.parameters import OBSERVED
-from jaxglide.ensemble.cases import build
+from jaxglide.ensemble.base import published_case
 from jaxglide.ensemble.published import NU_THETA, THETA_M
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
@@ -28,7 +27,9 @@ from jaxglide.search.objectives import clearance, landing_distance, stability_ma
 from jaxglide.search.optimum import Optimum, optimise, verify
 from jaxglide.search.problem import SETUP, Evaluator, Problem
 
-SHAPE, GAIT = ("theta_m", "nu_theta", "d_psi"), tuple(OBSERVED)
+SHAPE = ("theta_m", "nu_theta", "d_psi")
+GAIT = ("nu_theta", "theta_m", "psi_m", "d_psi", "f_theta")
+OBSERVED = Problem(landing_distance, GAIT).free  # ranges in flight
 WIDE = {
     "nu_theta": (0.7, 2.0),
     "theta_m": (60.0, 150.0),
@@ -76,8 +77,8 @@ def best_published(height: float) -> tuple[dict[str, float], float, bool]:
 
 def fly(gait, height: float):
     """The glide of a gait with its trajectory, at 1e-9."""
-    glider, launch = build({**gait, "height": height}, {**SETUP, "nodes": 60})
-    return simulate(glider, launch, rtol=1e-9, atol=1e-9, dense=True)
+    case = published_case(SETUP).replace({**gait, "height": height})
+    return simulate(case.glider, case.launch, rtol=1e-9, atol=1e-9, dense=True)
 
 
 def unmeasured(glide) -> list[float]:

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from optimal_gaits import (
     CLEARANCE,
     MARGIN,
+    OBSERVED,
     SHAPE,
     TOLERANCE,
     USUAL,
@@ -26,7 +27,6 @@ from optimal_gaits import (
     problem_of,
 )
 
-from jaxglide._lib.parameters import OBSERVED
 from jaxglide.plot import style
 from jaxglide.search.objectives import landing_distance, stability_margin, varied
 from jaxglide.search.optimum import optimise

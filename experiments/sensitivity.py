@@ -9,10 +9,9 @@ import time
 import numpy as np
 import xarray as xr
 from common import arguments, save_figure, write_table
-from optimal_gaits import SHAPE
+from optimal_gaits import OBSERVED, SHAPE
 
 from jaxglide import Outcome
-from jaxglide._lib.parameters import OBSERVED
 from jaxglide.ensemble.published import NU_THETA, THETA_M, regions
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep

@@ -139,7 +139,7 @@ def _draw(args, problem, found, best) -> None:
         print("jaxglide: no picture of the best glide: there is none", file=sys.stderr)
         return
     fixed = {name: x for name, x in problem.fixed.items() if name in ("height", "speed")}
-    usual = _fly(problem, problem.base.replace(fixed))
+    usual = _fly(problem, problem.case.replace(fixed))
     write_drawing(glides, before_and_after(usual, best, ("published", "best")), args)
 
 

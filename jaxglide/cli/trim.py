@@ -1,16 +1,17 @@
 """`jaxglide trim`."""
 
-from .._lib.fields import Parameter, parameters_of
-from ..shape.gait import Gait
+from .._lib.fields import Parameter
 from ._case import HELD_SPEED, add_glider, build_from, check_number
 from ._options import UsageError, a_number, add_output, missing, print_json, refuse, write
+
+_BEND = -20.0, 20.0  # deg per SVL
 
 
 def add(commands) -> None:
     """Add the command to the parser."""
     trim = commands.add_parser(
         "trim",
-        description="Find the value of a gait parameter at which the pitch moment, averaged "
+        description="Find the value of a parameter at which the pitch moment, averaged "
         "over the phases of the waves at the end of a held glide, vanishes. Without --speed "
         "the glide starts at the published 1.7 m/s, without --polar it is flown on the "
         "published polar, as by `jaxglide windtunnel`.",
@@ -20,7 +21,7 @@ def add(commands) -> None:
     add_glider(trim, held=True)
     group = trim.add_argument_group("trim")
     group.add_argument(
-        "--parameter", choices=tuple(parameters_of(Gait)), default="d_psi", help="(d_psi)"
+        "--parameter", default="d_psi", metavar="NAME", help="what is varied (d_psi)"
     )
     text = "of the range, in the parameter's unit (-20 and 20 deg of bend, else as observed)"
     group.add_argument("--low", type=a_number, metavar="X", help=f"lower end {text}")
@@ -31,13 +32,15 @@ def add(commands) -> None:
 
 def _bounds(args, known: Parameter) -> tuple[float, float]:
     """The range to scan, in the parameter's unit."""
-    low, high = -20.0, 20.0
-    if known.observed is not None and args.parameter != "d_psi":
-        low, high = known.observed
+    low, high = (
+        _BEND if args.parameter in ("d_psi", "d_theta") else known.observed or (None,) * 2
+    )
     if args.low is not None:
         low = check_number("--low", args.low, known)
     if args.high is not None:
         high = check_number("--high", args.high, known)
+    if low is None or high is None:
+        raise UsageError(f"give --low and --high of {args.parameter}")
     if low >= high:
         raise UsageError(f"--low {low:g} is not below --high {high:g}")
     return low, high
@@ -46,14 +49,15 @@ def _bounds(args, known: Parameter) -> tuple[float, float]:
 def _run(args) -> int:
     import numpy as np
 
+    from ..flight.case import Case
     from ..tunnel.trim import trim
 
     name = args.parameter
     refuse(args, (name,), f"{name} is what trim looks for, between --low and --high")
-    known = parameters_of(Gait)[name]
+    glider, launch = build_from(args, speed=HELD_SPEED)
+    known = Case(glider, launch).parameter(name)
     low, high = _bounds(args, known)
     unit, factor = known.unit, known.factor
-    glider, launch = build_from(args, speed=HELD_SPEED)
     found = trim(glider, name, (factor * low, factor * high), launch=launch)
     value = float(found.value) / factor
 

@@ -83,5 +83,5 @@ def labelled(
         "flag_values": np.array(list(meanings), np.int32),
         "flag_meanings": " ".join(text.replace(" ", "_") for text in meanings.values()),
     }
-    record = {"problem": json.dumps(problem.describe()), **settings}
-    return stamp(data, record, "optimisation")
+    settings = {"problem": json.dumps(problem.describe()), **settings}
+    return stamp(data, settings, "optimisation")

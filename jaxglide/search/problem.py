@@ -1,9 +1,10 @@
 """A problem of optimisation, and its values and gradients at many points."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, InitVar, dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -11,15 +12,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import check_kind, check_range, warn_float32
+from .._lib.checks import check_range, warn_float32
 from .._lib.fingerprint import fingerprint
 from .._lib.parameters import GRADIENT_SETUP as SETUP
 from .._lib.parameters import SEARCH_TOLERANCE
 from .._lib.records import encode
 from .._lib.types import Array, Float, Scalar
-from ..ensemble.base import check_setup, published_case
 from ..ensemble.cases import as_number
+from ..ensemble.study import base_of, fixed_case
 from ..flight.case import Case
+from ..flight.dynamics import Glider
+from ..flight.ends import AbstractEnd
+from ..flight.launch import Launch
 from .objective import Constraint, Objective, Trial, plain
 
 _LANES = 16  # points per core in one batch
@@ -81,14 +85,12 @@ class _Asked(NamedTuple):
     objective: Objective
     constraints: tuple[Constraint, ...]
     free: tuple[str, ...]
-    fixed: tuple[str, ...]
 
 
 class _Given(NamedTuple):
     """What is not: other numbers compile nothing."""
 
     case: Case
-    fixed: Float[Array, " f"]
     rtol: Scalar
     atol: Scalar
     max_time: Scalar
@@ -96,8 +98,7 @@ class _Given(NamedTuple):
 
 def _values(asked: _Asked, given: _Given, x) -> Float[Array, " v"]:
     """The objective and the slacks of the constraints at a point (n,), (1 + m,)."""
-    values = dict(zip(asked.fixed, given.fixed, strict=True))
-    case = given.case.replace(values | dict(zip(asked.free, x, strict=True)))
+    case = given.case.replace(dict(zip(asked.free, x, strict=True)))
     trial = Trial(
         case.glider,
         case.launch,
@@ -129,6 +130,7 @@ class Problem:
         max_time: longest flight [s].
         case: glider, launch and ends that are varied; by default the published snake from
             10 m, its amplitude on the shape line and its mass that of its length.
+        glider, launch, ends: the same in parts, instead of `case`.
 
     Problems are equal that ask the same, of the same objects as objective and constraints.
 
@@ -145,9 +147,13 @@ class Problem:
     rtol: float = SEARCH_TOLERANCE
     atol: float = SEARCH_TOLERANCE
     max_time: float = 60.0
-    case: Case | None = None
+    _: KW_ONLY
+    case: Case = None  # type: ignore[assignment]
+    glider: InitVar[Glider | None] = None
+    launch: InitVar[Launch | None] = None
+    ends: InitVar[AbstractEnd | Sequence[AbstractEnd] | None] = None
 
-    def __post_init__(self):
+    def __post_init__(self, glider, launch, ends):
         if not isinstance(self.objective, Objective):
             raise TypeError(f"objective = {self.objective!r} is not an Objective")
         constraints = self.constraints
@@ -157,7 +163,10 @@ class Problem:
                 raise TypeError(
                     f"{constraint!r} is not a Constraint: say objective.at_least(bound)"
                 )
-        case, setup = self._base()
+        setup = dict(self.setup or {})
+        if self.case is None and glider is None:
+            setup = SETUP | setup
+        case, setup = base_of(setup, self.case, glider, launch, ends)
         free, fixed = _bounds(case, self.free), dict(self.fixed or {})
         fixed = {name: as_number(name, value) for name, value in fixed.items()}
         case.check(fixed)
@@ -177,17 +186,6 @@ class Problem:
         for name, value in {**plain, "constraints": tuple(constraints)}.items():
             object.__setattr__(self, name, value)
 
-    def _base(self) -> tuple[Case, dict[str, Any]]:
-        """The base and, if it is the published snake, its setup."""
-        if self.case is None:
-            setup = check_setup(SETUP | dict(self.setup or {}))
-            return published_case(setup), setup
-        if self.setup:
-            raise ValueError(
-                f"setup = {self.setup!r} is the published snake's: a case has none"
-            )
-        return check_kind("case", self.case, Case), {}
-
     def _identity(self) -> tuple:
         fixed, setup = (tuple(sorted((p or {}).items())) for p in (self.fixed, self.setup))
         asked = self.objective, tuple(self.free.items()), self.constraints, fixed, setup
@@ -197,20 +195,19 @@ class Problem:
         if not isinstance(other, Problem):
             return NotImplemented
         same = self._identity() == other._identity()
-        return same and bool(eqx.tree_equal(self.base, other.base))
+        return same and bool(eqx.tree_equal(self.case, other.case))
 
     def __hash__(self) -> int:
         return hash(self._identity())
 
-    @property
+    @cached_property
     def base(self) -> Case:
-        """The case that is varied."""
-        assert self.case is not None
-        return self.case
+        """The case with what is fixed, every float of it an array."""
+        return fixed_case(self.case, self.fixed or {})
 
     def at(self, point: Mapping[str, float]) -> Case:
-        """The case at values of free parameters by name; the fixed ones are what they are."""
-        return self.base.replace({**(self.fixed or {}), **point})
+        """The case at values of free parameters by name."""
+        return self.base.replace(point)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -230,15 +227,14 @@ class Problem:
     @property
     def asked(self) -> _Asked:
         """What of it is part of a compiled function."""
-        return _Asked(self.objective, self.constraints, self.names, tuple(self.fixed or ()))
+        return _Asked(self.objective, self.constraints, self.names)
 
     def given(self, rtol=None, atol=None) -> _Given:
         """What of it is not; tolerances default to its own."""
-        fixed = jnp.array(list((self.fixed or {}).values()), float)
         rtol = self.rtol if rtol is None else rtol
         atol = self.atol if atol is None else atol
         numbers = (jnp.asarray(x, float) for x in (rtol, atol, self.max_time))
-        return _Given(self.base, fixed, *numbers)
+        return _Given(self.base, *numbers)
 
     def values(self, x, rtol=None, atol=None):
         """The objective and the slacks of the constraints at a point (n,), (1 + m,)."""
@@ -271,7 +267,7 @@ class Problem:
             "constraints": [f"{c} (scale {plain(c.scale)})" for c in self.constraints],
             "fixed": dict(self.fixed or {}),
             "setup": dict(self.setup or {}),
-            "case": encode(self.base),
+            "case": encode(self.case),
             "rtol": self.rtol,
             "atol": self.atol,
             "max_time": self.max_time,

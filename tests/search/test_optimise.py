@@ -596,7 +596,7 @@ def test_bad_problems_are_named(arguments, message):
         Problem(len, FREE)
     with pytest.raises(TypeError, match="case must be of type Case, not Glider"):
         Problem(landing_distance, FREE, case=problem_of().case.glider)
-    with pytest.raises(ValueError, match=r"setup = .* is the published snake's"):
+    with pytest.raises(ValueError, match="give a case or setup, not both"):
         Problem(landing_distance, FREE, case=problem_of().case, setup={"nodes": 20})
 
 

@@ -32,9 +32,9 @@ def add(commands) -> None:
 
 def _bounds(args, known: Parameter) -> tuple[float, float]:
     """The range to scan, in the parameter's unit."""
-    low, high = (
-        _BEND if args.parameter in ("d_psi", "d_theta") else known.observed or (None,) * 2
-    )
+    low, high = known.observed or (None, None)
+    if args.parameter in ("d_psi", "d_theta"):
+        low, high = _BEND
     if args.low is not None:
         low = check_number("--low", args.low, known)
     if args.high is not None:

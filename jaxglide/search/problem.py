@@ -3,8 +3,7 @@
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import KW_ONLY, InitVar, dataclass
-from functools import cached_property
+from dataclasses import KW_ONLY, InitVar, dataclass, field
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -134,6 +133,9 @@ class Problem:
 
     Problems are equal that ask the same, of the same objects as objective and constraints.
 
+    Attributes:
+        base: the case with what is fixed, every float of it an array.
+
     Raises:
         ValueError: an unknown name, bounds out of range or without room between them.
         TypeError: what is no objective, constraint or case.
@@ -152,6 +154,7 @@ class Problem:
     glider: InitVar[Glider | None] = None
     launch: InitVar[Launch | None] = None
     ends: InitVar[AbstractEnd | Sequence[AbstractEnd] | None] = None
+    base: Case = field(init=False, repr=False)
 
     def __post_init__(self, glider, launch, ends):
         if not isinstance(self.objective, Objective):
@@ -183,6 +186,7 @@ class Problem:
         check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True, shape=())
         plain = {name: float(getattr(self, name)) for name in ("rtol", "atol", "max_time")}
         plain |= {"case": case, "setup": setup, "free": free, "fixed": fixed}
+        plain["base"] = fixed_case(case, fixed)
         for name, value in {**plain, "constraints": tuple(constraints)}.items():
             object.__setattr__(self, name, value)
 
@@ -199,11 +203,6 @@ class Problem:
 
     def __hash__(self) -> int:
         return hash(self._identity())
-
-    @cached_property
-    def base(self) -> Case:
-        """The case with what is fixed, every float of it an array."""
-        return fixed_case(self.case, self.fixed or {})
 
     def at(self, point: Mapping[str, float]) -> Case:
         """The case at values of free parameters by name."""

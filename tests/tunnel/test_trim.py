@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Gait, Glider, Polar, Snake
+from jaxglide import AbstractMotion, Gait, Glider, Polar, Snake
 from jaxglide.tunnel.loads import loads
 from jaxglide.tunnel.trim import GAIT_PARAMETERS, derivatives, pitch_moment, trim
 
@@ -71,9 +71,36 @@ def test_trim_derivatives_against_trims_solved_again(trimmed):
         assert float(gradient[i]) == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_trim_has_no_moment_and_lies_where_the_sign_changes():
+@pytest.fixture(scope="module")
+def found():
+    return trim(shaped(HERE), points=5)
+
+
+class Tail(AbstractMotion):
+    """A part from outside that describes none of its floats: half of a gait's bend."""
+
+    gait: Gait
+    bend: float = 0.0
+
+    def _bent(self):
+        return eqx.tree_at(lambda g: g.d_psi, self.gait, 2 * jnp.asarray(self.bend))
+
+    def bending(self, *given):
+        return self._bent().bending(*given)
+
+    def cycle(self, *given):
+        return self._bent().cycle(*given)
+
+
+def test_a_float_of_a_part_of_ones_own_is_trimmed(found):
+    glider = eqx.tree_at(lambda g: g.gait, shaped(HERE), Tail(shaped(HERE).gait))
+    own = trim(glider, "gait.bend", np.deg2rad((-10.0, 10.0)), points=5)
+    assert float(own.value) == pytest.approx(float(found.value) / 2, abs=1e-9)
+    assert str(own).startswith(f"trim at gait.bend = {float(own.value):.6f}, where")
+
+
+def test_a_trim_has_no_moment_and_lies_where_the_sign_changes(found):
     glider = shaped(HERE)
-    found = trim(glider, points=5)
     assert bool(found.found)
     assert int(found.crossings) == 1
     assert abs(float(found.moment)) < 1e-12
@@ -85,7 +112,8 @@ def test_a_trim_has_no_moment_and_lies_where_the_sign_changes():
     for gait_value, expected in zip(found.scanned, moments, strict=True):
         other = eqx.tree_at(lambda g: g.gait.d_psi, glider, gait_value)
         assert float(pitch_moment(other)) == pytest.approx(expected, rel=1e-6)
-    assert "trim at d_psi" in str(found)
+    assert f"trim at d_psi = {np.rad2deg(float(found.value)):.6f} deg/SVL" in str(found)
+    assert "<b>trim at d_psi" in found._repr_html_()
     # the same range without its upper part: no change of sign, no root
     missing = trim(glider, bounds=np.deg2rad((-20.0, 5.0)), points=5)
     assert not bool(missing.found)

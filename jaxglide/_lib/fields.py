@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .checks import check_range, check_shapes, is_traced
+from .documents import shown
 
 _METADATA = "parameter"
 
@@ -133,7 +134,7 @@ def check_fields(module: Any) -> None:
         if value is None and known.optional:
             continue
         if value is None or getattr(value, "dtype", None) is None or value.dtype.kind != "f":
-            raise TypeError(f"{name} = {value!r} is not a number")
+            raise TypeError(f"{name} = {shown(value)} is not a number")
     check_shapes(module)
     for name, known in parameters_of(type(module)).items():
         value = getattr(module, name)

@@ -94,6 +94,8 @@ def decode(record: Any, registry: Registry) -> Any:
 def _decoded(record: Any, registry: Registry) -> Any:
     if isinstance(record, list):
         return tuple(_decoded(one, registry) for one in record)
+    if isinstance(record, int) and abs(record) >= 2**63:
+        raise ValueError(f"a number of {record.bit_length()} bits is not allowed")
     if not isinstance(record, dict):
         return record
     fields = {name: _decoded(one, registry) for name, one in record.items() if name != CLASS}

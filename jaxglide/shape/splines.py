@@ -14,6 +14,8 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from .._lib.types import Array, Float, Scalar
 
+_MOST = 2000  # knots: their matrix grows with the square, here to 160 MB
+
 
 @lru_cache(maxsize=64)
 def basis(knots: tuple[float, ...], ends: str = "clamped") -> np.ndarray:
@@ -58,9 +60,11 @@ def spline(knots: tuple[float, ...], values: Float[Array, "K m"], time: Scalar) 
 
 
 def check_knots(name: str, knots: tuple[float, ...], unit: str) -> None:
-    """Raise `ValueError` unless two knots or more rise."""
+    """Raise `ValueError` unless 2 to 2000 knots rise."""
     if len(knots) < 2:
         raise ValueError(f"{name} has {len(knots)} values: it needs at least 2")
+    if len(knots) > _MOST:
+        raise ValueError(f"{name} has {len(knots)} values: at most {_MOST} are allowed")
     for before, after in itertools.pairwise(knots):
         if not np.isfinite(before) or not np.isfinite(after) or not after > before:
             raise ValueError(f"{name} goes from {before:g} to {after:g} {unit}: it must rise")
@@ -72,7 +76,7 @@ def knots_of(name: str):
     def convert(values) -> tuple[float, ...]:
         try:
             return tuple(map(float, np.ravel(values)))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise TypeError(f"{name} = {values!r} is not a list of numbers") from None
 
     return convert

@@ -1,6 +1,6 @@
 """Glides to look at: an interactive page, an animation, a still.
 
-Imported only when asked for (`import jaxglide.view`, `glide.view()`, `jaxglide view`).
+Imported only when asked for (`import jaxglide.view`, `jaxglide view`).
 `view` makes one HTML file that plays in any browser, `animate` a GIF or MP4 for talks and
 `still` a picture, all of the same `Scene`. Units are metres, seconds, degrees and newtons.
 """

@@ -210,3 +210,57 @@ def test_a_nest_without_end_is_refused():
         decode(deep, PARTS)
     with pytest.raises(ValueError, match="no JSON text"):
         from_text("[" * 100_000)
+
+
+JUNK = [
+    None,
+    True,
+    -1,
+    0,
+    1e300,
+    10**400,
+    "x",
+    "nan",
+    [],
+    [[1.0], [2.0, 3.0]],
+    {},
+    "9 harmonics",
+]
+JUNK += [{"class": "Gait"}, {"class": "Ground", "level": 0.0}, [1.0, 0.5], {"function": "f"}]
+
+
+def leaves_of(record, path=()):
+    """Paths of everything in a record."""
+    inside = record.items() if isinstance(record, dict) else ()
+    inside = enumerate(record) if isinstance(record, list) else inside
+    for key, one in inside:
+        yield (*path, key)
+        yield from leaves_of(one, (*path, key))
+
+
+def complaint(records):
+    """What is said against records; nothing if they are read."""
+    try:
+        from_text(json.dumps(records))
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.filterwarnings("ignore:A JAX array is being set as static")
+@pytest.mark.parametrize("name", [n for n in PARTS_OF_THE_PACKAGE if n != "bent polar"])
+def test_no_damage_to_a_record_leads_to_anything_but_a_sentence(name):
+    whole = encode(PARTS_OF_THE_PACKAGE[name]())
+    rng = np.random.default_rng(0)
+    paths = list(leaves_of(whole))
+    for k in rng.permutation(len(paths))[:12]:
+        for junk in [JUNK[i] for i in rng.permutation(len(JUNK))[:6]]:
+            record = json.loads(json.dumps(whole))
+            *above, last = paths[k]
+            inner = record
+            for key in above:
+                inner = inner[key]
+            inner[last] = junk
+            said = complaint({"it": record})
+            assert "\n" not in said, said
+            assert len(said) < 600, said

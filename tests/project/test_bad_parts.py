@@ -148,6 +148,7 @@ VALUES = {
     ),
     "times goes from 1 to 1 s: it must rise": lambda: motion((1.0, 1.0)),
     "times has 1 values: it needs at least 2": lambda: motion((1.0,)),
+    "times has 2001 values: at most 2000 are allowed": lambda: motion(range(2001)),
     "stations goes from 0.5 to 0.2 of the length": lambda: motion(stations=(0.5, 0.2)),
     "stations = 1.5 of the length is not allowed": lambda: motion(stations=(0.5, 1.5)),
     "theta has shape (2, 3): it must be (2, 2)": lambda: motion(theta=np.zeros((2, 3))),

@@ -224,8 +224,9 @@ def paths(
         low, high = (float(history[end].sel(parameter=name)) for end in ("low", "high"))
         pad = 0.02 * (high - low)
         (ax.set_xlim if axis is ax.xaxis else ax.set_ylim)(low - pad, high + pad)
-    ax.set_xlabel(parameter_label(across))
-    ax.set_ylabel(parameter_label(up))
+    units = (str(history["unit"].sel(parameter=name).values) for name in (across, up))
+    ax.set_xlabel(parameter_label(across, next(units)))
+    ax.set_ylabel(parameter_label(up, next(units)))
     keys = [line for line in ax.lines if line.get_label() in ("start", "best")]
     disc = {"ls": "", "marker": "o", "ms": 4.0, "mfc": "0.5", "mec": "white"}
     keys.insert(1, Line2D([], [], label="best of its start", **disc))

@@ -45,6 +45,8 @@ def test_an_optimum_at_a_bound_is_found_and_said():
     # with z_0 = 1, d/dz_1 of the quadratic vanishes at z_1 = 0.5 + 0.4/2
     np.testing.assert_allclose(place(problem, found.best), (1.0, 0.7), atol=5e-3)
     assert "(at its bound)" in str(found)
+    listed = [line.split()[1] for line in str(found).splitlines() if "  start " in line]
+    assert listed == [str(k) for k in np.argsort(-found.values, kind="stable")]
 
 
 def test_an_optimum_under_a_constraint_is_found():
@@ -332,12 +334,14 @@ def test_verification_solves_finely_and_finds_better_neighbours():
     assert asked == [(65, 1e-9, 1e-9)]
     assert checked.value == pytest.approx(1.0)
     assert -1e-3 < checked.gain <= 0
+    assert str(checked).startswith("landing_distance 1 m at 1e-9\n  of 64 points nearby")
     beside = verify(problem, {"theta_m": 92.0, "nu_theta": 1.2}, samples=64, screener=made)
     assert beside.gain == pytest.approx(beside.nearby / beside.value - 1)
     assert beside.gain > 0.01
     assert place(problem, dict(zip(problem.names, beside.at, strict=True)))[1] > 0.4
     outside = verify(CONSTRAINED, summit, samples=8, screener=Made(CONSTRAINED, (0, 0), -1.0))
     assert np.isnan([outside.nearby, outside.gain]).all()
+    assert "none of 8 points nearby meets the constraints" in outside._repr_html_()
 
 
 @pytest.mark.parametrize(
@@ -610,6 +614,10 @@ def test_problems_are_equal_that_ask_the_same():
         Problem(landing_distance, FREE, fixed={"height": 3.0}),
         CONSTRAINED,
     ]
+    case = Case(one.case.glider, Launch(10.0), follow=one.case.follow)
+    assert Problem(landing_distance, FREE, case=case) != one  # which has a setup
+    parts = Problem(landing_distance, FREE, glider=case.glider, launch=case.launch)
+    assert parts == Problem(landing_distance, FREE, case=Case(case.glider))
     assert one not in others
     assert one != "a problem"
 

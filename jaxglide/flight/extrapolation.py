@@ -59,5 +59,5 @@ def extrapolation(glide: Glide, count: int = 400) -> Extrapolation:
     length = np.asarray(sections.area / sections.chord)
     share = length / length.sum() / count
     both = beyond_angle | beyond_reynolds
-    parts = (float(np.sum(out * share)) for out in (beyond_angle, beyond_reynolds, both))
-    return Extrapolation(*parts, (low, high), (least, most))
+    shares = [float(np.sum(out * share)) for out in (beyond_angle, beyond_reynolds, both)]
+    return Extrapolation(shares[0], shares[1], shares[2], (low, high), (least, most))

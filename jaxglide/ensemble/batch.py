@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any
 
@@ -9,7 +10,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from .._lib.types import Array
 from ..flight.case import Case
@@ -70,34 +70,39 @@ def _one(static: Case, max_steps: int):
 def spread(one: Callable, devices: tuple, common: int):
     """Compiled function of a batch whose lanes are shared out over the devices.
 
+    Every device runs the same program by itself: divided among several, XLA would put
+    together otherwise what it computes, and round otherwise.
+
     Args:
         one: pure function of one case (a dict of arrays) and of what all cases share, trees
             of arrays, which get no dimension for the lanes.
         devices: JAX devices.
         common: number of shared arguments.
     """
-    split, whole = PartitionSpec("lanes"), PartitionSpec()
-    mesh = Mesh(np.array(devices), ("lanes",))
-    mapped = jax.shard_map(
-        jax.vmap(one, in_axes=(0,) + (None,) * common),
-        mesh=mesh,
-        in_specs=(split,) + (whole,) * common,
-        out_specs=split,
-        check_vma=False,
-    )
-    compiled, sharding = jax.jit(mapped), NamedSharding(mesh, split)
+    compiled = jax.jit(jax.vmap(one, in_axes=(0,) + (None,) * common))
+    every = len(devices)
 
     def run(columns: Mapping[str, Any], width: int, *shared) -> dict[str, np.ndarray]:
         count = len(jax.tree.leaves(columns)[0])
-        lanes = -(-width // len(devices)) * len(devices)
-        # Filled up with repeats, so that one compiled function serves every batch.
-        # Neighbours go to different devices: each gets as many long flights as the others.
-        place = np.argsort(np.arange(lanes) % len(devices), kind="stable")
-        source = np.minimum(place, count - 1)
-        batch = jax.tree.map(lambda v: jax.device_put(v[source], sharding), dict(columns))
-        flown = compiled(batch, *shared)
-        back = np.argsort(place)[:count]
-        return {name: np.asarray(values)[back] for name, values in flown.items()}
+        lanes = -(-width // every) * every
+        x64 = jax.config.jax_enable_x64  # type: ignore[attr-defined]
+
+        def fly(k: int) -> dict[str, np.ndarray]:
+            # Filled up with repeats, so that one compiled function serves every batch.
+            # Neighbours go to different devices: each gets as many long flights as the others.
+            source = np.minimum(np.arange(k, lanes, every), count - 1)
+            batch = jax.tree.map(lambda v: v[source], dict(columns))
+            with jax.enable_x64(x64):
+                flown = compiled(*jax.device_put((batch, *shared), devices[k]))
+                return {name: np.asarray(values) for name, values in flown.items()}
+
+        if every == 1:
+            parts = [fly(0)]
+        else:
+            with ThreadPoolExecutor(every) as pool:  # which compile at once, and wait at once
+                parts = list(pool.map(fly, range(every)))
+        together = {n: np.stack([part[n] for part in parts], axis=1) for n in parts[0]}
+        return {n: v.reshape(lanes, *v.shape[2:])[:count] for n, v in together.items()}
 
     return run
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import jaxglide
 from claims import agree, blocks, commands, section, sentence
 from jaxglide import cli
 from made_flights import dataset
@@ -68,6 +69,10 @@ SWEEP = [
     "--store bends.zarr --save bends.nc",
     "jaxglide sweep bends.toml --save bends.nc",
 ]
+PARTS = [
+    "jaxglide glide --body robot.csv --wind 0,-1,0 --height 2 --end angle=85:pitch,roll "
+    "--end time=0.5"
+]
 TUNNEL = [
     "jaxglide windtunnel --d-psi 10 --plot moments.png",
     "jaxglide trim --nu-theta 1.2",
@@ -102,7 +107,7 @@ def gallery():
 
 def test_every_command_is_executed(gallery):
     """By a test below: none can be added to the page without one."""
-    here = [*INSTALL, *SWEEP, *TUNNEL, *GRADIENT, *OPTIMISE, *VIEW, *MEASURED]
+    here = [*INSTALL, *SWEEP, *PARTS, *TUNNEL, *GRADIENT, *OPTIMISE, *VIEW, *MEASURED]
     made = [*gallery.DATA, *gallery.PICTURES.values(), "jaxglide figure gallery"]
     assert set(commands(README)) == {*here, *made}
     shown = section(README, "Gallery")
@@ -127,9 +132,15 @@ def test_commands_of_the_gallery_draw_what_earlier_ones_make(gallery):
 def test_no_code_is_left_out():
     """Every block is a command, a study file, or Python that a test below executes."""
     languages = re.findall(r"^```(\w+)$", README, flags=re.MULTILINE)
-    assert set(languages) == {"sh", "toml", "python"}
-    assert languages.count("python") == 8
+    assert set(languages) == {"sh", "toml", "csv", "python"}
+    assert languages.count("python") == 9
     assert languages.count("toml") == 1
+
+
+def test_code_imports_from_jaxglide_alone():
+    lines = [line for code in blocks(README, "python") for line in code.splitlines()]
+    named = {line.split()[1] for line in lines if re.match(r"(from|import) jaxglide", line)}
+    assert named == {"jaxglide"}
 
 
 def test_simulate():
@@ -161,6 +172,18 @@ def test_sweep(folder):
     assert namespace["data"].outcome.shape == (3, 2)
 
 
+def test_parts_of_ones_own(folder):
+    """The robot flies alike from the command line and in Python, and on until it lands."""
+    text = section(README, "Your own parts")
+    (folder / "robot.csv").write_text(blocks(text, "csv")[0])
+    assert "reached its time after 0.5000 s" in follow(*PARTS)
+    printed, namespace = run_block(blocks(text, "python")[0])
+    assert namespace["flight"].ending == "reached its time"
+    assert "landed" in printed
+    for _, place in re.findall(r"\[(\w[^]]*)\]\((experiments/own_parts/\w+\.py)\)", text):
+        assert (ROOT / place).exists(), place
+
+
 def test_a_plain_process_has_one_device_and_the_variable_gives_more():
     code = "import jax, jaxglide.ensemble.sweep; print(len(jax.local_devices(backend='cpu')))"
     assert sentence(README, "`(JAX_NUM_CPU_DEVICES)`")
@@ -187,6 +210,7 @@ def test_pictures_of_a_glide(folder, gallery):
     assert len(drawn) == 5
     follow(*GLIDE, *drawn)
     assert len(list(folder.glob("*.png"))) == 5
+    assert eval(sentence(README, r"`(jaxglide\.open\(.*?\))`"), {"jaxglide": jaxglide}).stable
 
 
 def test_install_line_runs_a_glide(tmp_path):
@@ -227,7 +251,7 @@ def test_pictures_exist():
         assert (ROOT / path).exists(), path
 
 
-@pytest.mark.parametrize("name", re.findall(r"`(jaxglide/[a-z_]+\.py)`", README))
+@pytest.mark.parametrize("name", re.findall(r"`(jaxglide/[a-z_/.]+)`", README))
 def test_files_exist(name):
     assert (ROOT / name).exists()
 
@@ -353,7 +377,7 @@ def test_fit(golden, folder, monkeypatch):
     from jaxglide.flights.fitter import Fitter
 
     whole = Fitter.fit
-    monkeypatch.setattr(Fitter, "fit", lambda self: whole(self, starts=1))
+    monkeypatch.setattr(Fitter, "fit", lambda self, **_: whole(self, starts=1))
     flights = dataset(golden("simulated_flights")[:2])
     flights.to_netcdf("gaits.nc", engine="h5netcdf")
     printed, _ = run_block(blocks(section(README, "Measured flights"), "python")[0])

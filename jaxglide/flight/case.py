@@ -114,6 +114,8 @@ class Case(Part):
 
 def _inside(case: Case, name: str) -> str:
     """A path as seen from the case: the glider's own fields are named without it."""
+    if not isinstance(name, str):
+        raise TypeError(f"{name!r} is not the name of a parameter")
     first = name.split(".")[0].split("[")[0]
     return f"glider.{name}" if hasattr(case.glider, first) else name
 

@@ -224,9 +224,9 @@ def paths(
         low, high = (float(history[end].sel(parameter=name)) for end in ("low", "high"))
         pad = 0.02 * (high - low)
         (ax.set_xlim if axis is ax.xaxis else ax.set_ylim)(low - pad, high + pad)
-    units = (str(history["unit"].sel(parameter=name).values) for name in (across, up))
-    ax.set_xlabel(parameter_label(across, next(units)))
-    ax.set_ylabel(parameter_label(up, next(units)))
+    for name, label in ((across, ax.set_xlabel), (up, ax.set_ylabel)):
+        unit = history["unit"].sel(parameter=name).item() if "unit" in history.coords else ""
+        label(parameter_label(name, str(unit)))
     keys = [line for line in ax.lines if line.get_label() in ("start", "best")]
     disc = {"ls": "", "marker": "o", "ms": 4.0, "mfc": "0.5", "mec": "white"}
     keys.insert(1, Line2D([], [], label="best of its start", **disc))

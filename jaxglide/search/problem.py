@@ -166,6 +166,10 @@ class Problem:
                 raise TypeError(
                     f"{constraint!r} is not a Constraint: say objective.at_least(bound)"
                 )
+        for name in ("fixed", "setup"):
+            given = getattr(self, name)
+            if not isinstance(given, Mapping | None):
+                raise TypeError(f"{name} = {given!r} is not values by name")
         setup = dict(self.setup or {})
         if self.case is None and glider is None:
             setup = SETUP | setup

@@ -492,6 +492,7 @@ def test_trim_curve_shows_what_was_scanned_and_the_trim(found):
     scanned, moments = np.deg2rad([0.0, 10.0, 20.0]), np.array([-2e-4, -1e-4, 3e-4])
     trim = Trim(
         parameter="d_psi",
+        unit="deg/SVL",
         value=np.deg2rad(13.5) if found else np.nan,
         moment=np.zeros(()),
         found=np.array(found),

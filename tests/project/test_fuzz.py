@@ -331,7 +331,7 @@ _TABLE = [
     (_problem, "rtol atol max_time", _SCALARS),
     (_problem, "free", _FREE),
     (lambda **k: optimise(_problem(), **k), "starts steps screen polish patience", _COUNTS),
-    (lambda **k: trim(GLIDER, **k), "parameter", ["x", None, 1, [], "mass"]),
+    (lambda **k: trim(GLIDER, **k), "parameter", ["x", None, 1, [], "wings"]),
     (lambda **k: trim(GLIDER, **k), "bounds", _BOUNDS),
     (_dropped, "interval max_time rtol atol angles", _SCALARS),
     (_dropped, "phases", _COUNTS),

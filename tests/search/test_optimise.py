@@ -591,6 +591,9 @@ def test_points_that_cannot_be_evaluated_are_named():
         ((FREE, [landing_distance]), "is not a Constraint"),
         ((FREE, (), {"height": [1, 2]}), r"height = \[1, 2\] is not one number"),
         ((FREE, (), {"height": "low"}), "height = 'low' is not a number"),
+        ((FREE, (), 5), "fixed = 5 is not values by name"),
+        ((FREE, (), None, "smooth"), "setup = 'smooth' is not values by name"),
+        (({3: (0, 1)},), "3 is not the name of a parameter"),
     ],
 )
 def test_bad_problems_are_named(arguments, message):

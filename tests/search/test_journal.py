@@ -313,7 +313,23 @@ def test_what_is_computed_is_told_apart_by_its_code():
     one = print_of(1.0)
     assert one == print_of(1.0)
     assert one != print_of(1.0000001)
-    assert one != print_of(1.0, fixed={"height": 3.0})
+    assert one == print_of(1.0, fixed={"height": 3.0})  # a number: see the next test
+
+
+def test_the_log_of_another_base_is_refused(tmp_path):
+    log, base = tmp_path / "log.jsonl", problem_of().case
+
+    def run(case, stop_at=None, **fixed):
+        problem = Problem(landing_distance, problem_of().free, fixed=fixed, case=case)
+        made = Made(problem, (0.3, 0.6), stop_at=stop_at)
+        return optimise(problem, **OPTIONS, evaluator=made, log=log)
+
+    found = run(base)
+    assert run(base, stop_at=0).best == found.best
+    with pytest.raises(ValueError, match="log of another optimisation: case differs"):
+        run(base.replace({"gravity": 9.81 * (1 + 1e-15)}), stop_at=0)
+    with pytest.raises(ValueError, match="log of another optimisation: fixed differs"):
+        run(base, stop_at=0, gravity=9.81)
 
 
 @pytest.mark.slow

@@ -124,9 +124,10 @@ class TabulatedPolar(AbstractPolar):
             )
         try:
             return cls(
-                np.deg2rad(angles),
-                numbers,
-                *table,
+                angle_of_attack=np.deg2rad(angles),
+                reynolds=numbers,
+                lift=table[0],
+                drag=table[1],
                 lift_scale=lift_scale,
                 drag_scale=drag_scale,
             )

@@ -27,7 +27,7 @@ _VARIABLES = {
     "time": ((), "s", "time at the ground"),
     "landing_point": ((), "m", "forward distance y at the ground"),
     "position": (("record", "forward_up"), "m", "centre of mass y, z"),
-    "velocity": (("record", "forward_up"), "m/s", "its velocity"),
+    "velocity": (("record", "forward_up"), "m/s", "its velocity over the ground"),
     "last": ((), "", "index of the first record past the ground"),
     "aerodynamic": (("record", "phase", "about"), "N mm", "moment of the air, body axes"),
     "inertial": (("record", "phase", "about"), "N mm", "[h'] of the shape change, body axes"),

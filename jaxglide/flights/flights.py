@@ -228,7 +228,12 @@ def fly_flights(
     vector, angles = ("trial", "time_simulated", "axis"), ["yaw", "pitch", "roll"]
     variables = {
         "path": (vector, states[..., POSITION] + across[:, None], "m", "simulated path"),
-        "simulated_velocity": (vector, states[..., VELOCITY], "m/s", "simulated velocity"),
+        "simulated_velocity": (
+            vector,
+            states[..., VELOCITY],
+            "m/s",
+            "its velocity over the ground",
+        ),
         "attitude": (
             ("trial", "time_simulated", "angle"),
             np.rad2deg(states[..., ANGLES]),

@@ -16,6 +16,7 @@ from .forces import along_body, along_body_lines, along_body_map, forces
 from .glide import angles, glide_overview, side_view, top_view
 from .heatmap import case_scatter, curve, heatmap
 from .measured import measured_bending, measured_gaits
+from .moments import moment_ratio, moments_in_time
 from .optimise import convergence, paths, sensitivity_map
 from .saved import Drawing, draw
 from .shapes import region_outlines, shape_heatmaps
@@ -26,8 +27,6 @@ from .windtunnel import (
     landing_against_moment,
     moment_by_bend,
     moment_by_shape,
-    moment_ratio,
-    moments_in_time,
 )
 
 __all__ = [

@@ -85,9 +85,9 @@ def with_unit(name: str, unit: str) -> str:
 
 @cache
 def _published() -> dict[str, Parameter]:
-    """What is known of the published snake's single numbers, by name."""
+    """What is known of the published snake's parameters, by path and by brief name."""
     case = published_case()
-    return {case.name(path): known for path, known in case.parameters.items()}
+    return case.parameters | {case.name(path): p for path, p in case.parameters.items()}
 
 
 def parameter_label(name: str, unit: str = "") -> str:
@@ -97,12 +97,12 @@ def parameter_label(name: str, unit: str = "") -> str:
         name: of the parameter.
         unit: of one that the published snake does not have.
     """
-    if name == "nu_theta":
-        return rf"waves {SYMBOLS[name]} (per SVL)"
-    known = _published().get(name)
+    known, last = _published().get(name), name.rpartition(".")[2]
     if known is None:
         return with_unit(plain(name), unit)
-    return with_unit(SYMBOLS.get(name, name.replace("_", " ")), known.unit)
+    if last == "nu_theta":
+        return rf"waves {SYMBOLS[last]} (per SVL)"
+    return with_unit(SYMBOLS.get(last, last.replace("_", " ")), known.unit)
 
 
 def label_of(values: xr.DataArray) -> str:

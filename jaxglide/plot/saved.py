@@ -22,10 +22,11 @@ from .forces import along_body_map, forces
 from .glide import angles, glide_overview, side_view
 from .heatmap import case_scatter, curve, heatmap, numeric, selected, variable_of, varied
 from .measured import measured_gaits
+from .moments import moments_in_time
 from .optimise import convergence, paths
 from .shapes import shape_heatmaps
 from .waves import wave_map, wave_maps
-from .windtunnel import moment_by_bend, moments_in_time
+from .windtunnel import moment_by_bend
 
 
 class Drawing(NamedTuple):

@@ -1,5 +1,7 @@
 """Figures of the wind tunnel: what is drawn is the data, labelled with units, on the page."""
 
+from dataclasses import replace
+
 import matplotlib
 import numpy as np
 import pytest
@@ -502,7 +504,7 @@ def test_streamlines_follow_the_field(parts):
 
 def test_what_is_not_there_is_not_drawn(parts):
     polar, field, rest, _ = parts
-    figure = plot.glide_polar_figure(polar, field, rest._replace(found=np.array(False)))
+    figure = plot.glide_polar_figure(polar, field, replace(rest, found=np.array(False)))
     left, right = figure.axes[:2]
     assert not [x for ax in (left, right) for x in ax.lines if "equil" in str(x.get_label())]
     assert not lines(right, "held glide")

@@ -25,7 +25,7 @@ from .._lib.checks import (
 from .._lib.either_mode import either_mode
 from .._lib.fields import recheck
 from .._lib.report import Report, Reported
-from .._lib.types import Array, Float, Integer, Scalar, Vec3
+from .._lib.types import Array, Float, Int, Integer, Scalar, Vec3
 from ..body.sections import Sections, discretise
 from ..flight.dynamics import VELOCITY, Glider, check_glider
 from ..flight.ends import TURNS, Ground, Outcome
@@ -107,7 +107,7 @@ class Fall(eqx.Module, Reported):
         return self.interval[..., None] * jnp.arange(self.states.shape[-2])
 
     @property
-    def last(self) -> Integer:
+    def last(self) -> Int[Array, "..."]:
         """Index of the first record past the ground (or the last there is)."""
         return jnp.sum(jnp.isfinite(self.states[..., 0]), axis=-1) - 1
 

@@ -22,10 +22,7 @@ def of_arrays(hint):
     told = [of_arrays(part) for part in parts] if outer in (Union, UnionType, tuple) else []
     if not any(told):
         return None
-    if outer is tuple:
-        other = (part if part is ... else Any for part in parts)
-    else:
-        other = parts
+    other = (part if part is ... else Any for part in parts) if outer is tuple else parts
     parts = tuple(one or part for one, part in zip(told, other, strict=True))
     return tuple[parts] if outer is tuple else Union[*parts]
 

@@ -11,7 +11,7 @@ from .._lib.checks import all_known, check_kind, check_range, is_traced, warn_fl
 from .._lib.either_mode import either_mode
 from .._lib.fields import recheck
 from .._lib.report import Report
-from .._lib.types import Array, Flag, Float, Integer, Scalar, State, Vec3
+from .._lib.types import Array, Bool, Float, Integer, Scalar, State, Vec3
 from ..body.sections import discretise
 from .dynamics import Flight, Glider, check_glider, six_degrees_of_freedom
 from .ends import AbstractEnd, AngleLimit, Outcome, check_ends, default_ends, outcome_words
@@ -51,22 +51,22 @@ class Glide(AbstractTrajectory):
     interpolation: diffrax.DenseInterpolation | None
 
     @property
-    def phase(self) -> Scalar:
+    def phase(self) -> Float[Array, "..."]:
         """Launch phase [rad]."""
         return self.take_off.phi_theta
 
     @property
-    def start_time(self) -> Scalar:
+    def start_time(self) -> Float[Array, "..."]:
         """Time of the launch, 0 [s]."""
         return jnp.zeros_like(self.time)
 
     @property
-    def start(self) -> State:
+    def start(self) -> Float[Array, "... s"]:
         """State at launch, (s,)."""
         return self.take_off.state
 
     @property
-    def stable(self) -> Flag:
+    def stable(self) -> Bool[Array, "..."]:
         """Whether the glide reached the ground."""
         return self.outcome == Outcome.LANDED
 

@@ -47,7 +47,7 @@ class AbstractTrajectory(eqx.Module, Reported):
     interpolation: eqx.AbstractVar[diffrax.DenseInterpolation | None]
 
     @property
-    def times(self) -> Float[Array, " T"] | None:
+    def times(self) -> Float[Array, "... T"] | None:
         """Requested times [s], (T,), or None."""
         return self.settings.times
 

@@ -62,7 +62,7 @@ _TIMES = np.linspace(0.0, _LONGEST, 401)  # of a simulated path
 
 
 class Measured(eqx.Module):
-    """N measured flights as arrays, in SI units and radians.
+    """N measured flights as arrays, in SI units and radians; inside `vmap` one of them.
 
     Attributes:
         nu_theta, theta_m, psi_m, d_psi, f_theta: the gait, (N,).
@@ -70,18 +70,18 @@ class Measured(eqx.Module):
         height, speed, elevation, heading: of the launch [m, m/s, rad, rad], (N,).
     """
 
-    nu_theta: Float[Array, " N"]
-    theta_m: Float[Array, " N"]
-    psi_m: Float[Array, " N"]
-    d_psi: Float[Array, " N"]
-    f_theta: Float[Array, " N"]
-    svl: Float[Array, " N"]
-    mass: Float[Array, " N"]
-    neck_fraction: Float[Array, " N"]
-    height: Float[Array, " N"]
-    speed: Float[Array, " N"]
-    elevation: Float[Array, " N"]
-    heading: Float[Array, " N"]
+    nu_theta: Float[Array, "..."]
+    theta_m: Float[Array, "..."]
+    psi_m: Float[Array, "..."]
+    d_psi: Float[Array, "..."]
+    f_theta: Float[Array, "..."]
+    svl: Float[Array, "..."]
+    mass: Float[Array, "..."]
+    neck_fraction: Float[Array, "..."]
+    height: Float[Array, "..."]
+    speed: Float[Array, "..."]
+    elevation: Float[Array, "..."]
+    heading: Float[Array, "..."]
 
 
 def check_flights(data: xr.Dataset) -> xr.Dataset:

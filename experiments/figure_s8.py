@@ -3,7 +3,7 @@
 from common import arguments, save_figure, write_table
 
 from jaxglide import Snake, discretise
-from jaxglide._lib.parameters import NODES
+from jaxglide._lib.defaults import NODES
 from jaxglide.plot import morphology
 
 

@@ -6,6 +6,7 @@ traced code. Shapes are known there too, under `vmap` those of one lane, and alw
 """
 
 import dataclasses
+import reprlib
 import sys
 import warnings
 from collections.abc import Callable
@@ -48,6 +49,33 @@ def number(name: str) -> Callable[[Any], Array]:
 def optional_number(name: str) -> Callable[[Any], Array | None]:
     """The same for a field that may be None."""
     return lambda value: None if value is None else number(name)(value)
+
+
+def _numeric(name: str, values: Any, kind: str) -> np.ndarray:
+    """A float array of its own; `ValueError` for texts, booleans and uneven lists."""
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError):
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name} = {reprlib.repr(values)} is not {kind}")
+    return array.astype(float)
+
+
+def as_array(name: str, values: Any) -> np.ndarray:
+    """Values as a float array (N,); `ValueError` where they are not a list of numbers."""
+    array = _numeric(name, values, "a list of numbers")
+    if array.ndim > 1 or array.size == 0:
+        raise ValueError(f"{name} must be a list of numbers, not empty")
+    return np.atleast_1d(array)
+
+
+def as_number(name: str, value: Any) -> float:
+    """A value as Python's float; `ValueError` where it is not one number."""
+    array = _numeric(name, value, "a number")
+    if array.ndim:
+        raise ValueError(f"{name} = {reprlib.repr(value)} is not one number")
+    return float(array)
 
 
 def check_range(

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from .._lib.parameters import CHOICES
+from .._lib.defaults import CHOICES
 from .._lib.writing import make_folder
 from ._options import UsageError, a_number, add_output, print_json, write, write_drawing
 

@@ -4,7 +4,7 @@ import math
 import sys
 from typing import Any
 
-from .._lib.parameters import GRADIENT_SETUP
+from .._lib.defaults import GRADIENT_SETUP
 from ._case import add_objective, add_setup, base_of, case_of, fixed_of, free_of
 from ._options import add_output, print_json
 

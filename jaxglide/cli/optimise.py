@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from .._lib.parameters import GRADIENT_SETUP, SEARCH_TOLERANCE
+from .._lib.defaults import GRADIENT_SETUP, SEARCH_TOLERANCE
 from ._case import add_objective, add_setup, add_tolerances, base_of, case_of, fixed_of, free_of
 from ._options import (
     UsageError,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .._lib.checks import check_choice, check_integer
-from .._lib.parameters import CHOICES, NODES, NODES_RANGE
+from .._lib.defaults import CHOICES, NODES, NODES_RANGE
 from ..body.snake import Snake
 from ..flight.case import Case
 from ..flight.dynamics import Glider

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from .._lib.checks import check_integer, check_range
-from .._lib.parameters import SOLVER
+from .._lib.defaults import SOLVER
 from ..flight.dynamics import RIGID
 from ..flight.ends import Outcome
 from .base import published_case
@@ -277,11 +277,11 @@ def read_text(text: str) -> dict[str, Any]:
         if (found.grid is None) == (found.cases is None):
             raise ValueError("it has either a grid or cases")
         if found.base is not None:
-            base = msgspec.structs.asdict(found.base)
-            record["base"] = Told(**base | {"words": tuple(base["words"])})
+            base = found.base
+            record["base"] = Told(base.case, base.about, tuple(base.words), base.state)
             given = found.grid or found.cases or []
             for name in (*(name for name, _ in given), *found.fixed):
-                if name not in found.base.about:
+                if name not in base.about:
                     raise ValueError(f"it does not say what {name!r} is")
     except (ValueError, RecursionError) as error:
         raise ValueError(f"this is not the text of a study: {error}") from None

@@ -7,8 +7,8 @@ flying snakes", Nature Physics 16, 974-982 (2020), doi:10.1038/s41567-020-0935-4
 import numpy as np
 import xarray as xr
 
+from .._lib.defaults import TOLERANCE
 from .._lib.formats import marked
-from .._lib.parameters import TOLERANCE
 from ..flight.ends import Outcome
 from ..shape.gait import shape_line
 from .study import Study

@@ -23,22 +23,21 @@ import sys
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from .._lib.writing import BusyError, WriteError, alone, make_folder, sync, write_bytes, writing
+from .layout import blank, bytes_of, layout
 from .plan import AbstractPlan, Plan
-from .records import _VARIABLES, versions
+from .records import versions
 
 _FORMAT = "jaxglide sweep 3"
 _GLIDES = 16  # in a chunk, at least: less would be lost by a kill, but the disk takes its time
 _CHUNKS = 1024  # at most: every one has a file of each array
 _VERSIONS = ("jaxglide", "jax", "jaxlib", "diffrax", "equinox", "optimistix")  # in the results
 _LARGEST = 2**28  # bytes of a study's text
-_SIZES = {"axis": 3, "turn": 3}
-_WHOLE = ("outcome", "accepted", "rejected")
 _LITTER = r"-[0-9a-f]{16}"  # what `_files.replacing` and `_create` call what is not whole yet
 
 
@@ -46,54 +45,9 @@ class StoreError(ValueError):
     """A store that is another study's, another version's, or damaged."""
 
 
-class Layout(NamedTuple):
-    """One result of every glide: its dimensions after the first, their sizes, its type."""
-
-    dims: tuple[str, ...]
-    shape: tuple[int, ...]
-    dtype: np.dtype
-    about: dict[str, str]
-
-    def blank(self, count: int) -> np.ndarray:
-        """Results of glides that were not flown, (count, ...)."""
-        return np.full((count, *self.shape), self.fill, self.dtype)
-
-    @property
-    def fill(self) -> float:
-        """What stands where nothing was computed."""
-        return math.nan if self.dtype.kind == "f" else -1
-
-
 def precision() -> str:
     """What JAX computes in: float32 or float64."""
     return jnp.result_type(float).name
-
-
-def layout(study: AbstractPlan, kind: str) -> dict[str, Layout]:
-    """What a sweep keeps of every glide (see `batch.results`), by name.
-
-    Args:
-        study: the study.
-        kind: float32 or float64.
-    """
-    sizes = {**_SIZES, "sample": len(study.times or ())}
-    if study.times is not None:
-        sizes["state"] = study.state_size
-    found = {}
-    for name, (dims, unit, long_name, radians) in _VARIABLES.items():
-        about = {"units": "rad" if radians else unit, "long_name": long_name}
-        found[name] = (dims, "int32" if name in _WHOLE else kind, about)
-    if study.times is not None:
-        found["states"] = (("sample", "state"), kind, {"long_name": "states at the samples"})
-    return {
-        name: Layout(dims, tuple(sizes[d] for d in dims), np.dtype(dtype), about)
-        for name, (dims, dtype, about) in sorted(found.items())
-    }
-
-
-def blank(study: AbstractPlan, kind: str) -> dict[str, np.ndarray]:
-    """Results of no glide yet, by name, (N, ...): -1 and NaN."""
-    return {name: array.blank(len(study)) for name, array in layout(study, kind).items()}
 
 
 def _metadata(shape, chunks, dims, dtype, fill, about=None) -> bytes:
@@ -328,12 +282,6 @@ class Store:
             raise WriteError(
                 f"{error}; finished chunks of {self.path} are kept: run the same study again"
             ) from error
-
-
-def bytes_of(study: AbstractPlan, kind: str) -> int:
-    """Size of all results."""
-    each = (math.prod(a.shape) * a.dtype.itemsize for a in layout(study, kind).values())
-    return math.prod(study.shape) * sum(each)
 
 
 def check_memory(what: str | Path, size: int) -> None:

@@ -11,14 +11,13 @@ import jax
 import numpy as np
 
 from .._lib import paths
-from .._lib.checks import check_kind, check_shapes
-from .._lib.parameters import MAX_STEPS, MAX_TIME, SOLVER, TOLERANCE
+from .._lib.checks import as_array, as_number, check_kind, check_shapes
+from .._lib.defaults import MAX_STEPS, MAX_TIME, SOLVER, TOLERANCE
 from ..flight.case import Case
 from ..flight.dynamics import Glider
-from ..flight.ends import AbstractEnd, Outcome, default_ends, outcome_words
+from ..flight.ends import AbstractEnd, Outcome, outcome_words
 from ..flight.launch import Launch
 from .base import check_setup, published_case
-from .cases import as_array, as_number
 from .identity import case_of_record, case_record, floats_as_arrays, own_parts_of, state_size
 from .parts import TABLES, case_of
 from .plan import MOST_CASES as MOST_CASES
@@ -131,7 +130,8 @@ class Study(AbstractPlan):
 
     def part(self, index: np.ndarray) -> "Study":
         """A study of some of the cases alone, (n,)."""
-        return dataclasses.replace(self, grid=None, cases=self.lanes(index))
+        case: Any = None if self.setup else self.case
+        return dataclasses.replace(self, grid=None, cases=self.lanes(index), case=case)
 
     @classmethod
     def from_json(cls, text: str, case: Case | None = None) -> "Study":
@@ -216,13 +216,11 @@ def base_of(
         return case, {}
     if glider is not None and setup:
         raise ValueError("setup is of the published snake: a glider of one's own has its own")
-    base = published_case(setup) if glider is None else None
-    if base is not None and not given:
+    base = published_case(setup) if glider is None else Case(glider)
+    if not given:
         return base, check_setup(setup)
-    launch = Launch() if launch is None else launch
-    ends = default_ends() if ends is None else ends
-    if base is None:
-        return Case(glider, launch, ends), {}
+    launch = base.launch if launch is None else launch
+    ends = base.ends if ends is None else ends
     return Case(base.glider, launch, ends, base.follow), {}
 
 

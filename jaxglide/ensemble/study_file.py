@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
+from .._lib.defaults import CHOICES
 from .._lib.documents import fitted, read_toml
-from .._lib.parameters import CHOICES
 
 
 class Span(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from .._lib.checks import check_kind, check_range, warn_float32
-from .._lib.parameters import HELD_SPEED, MAX_STEPS, MAX_TIME
+from .._lib.defaults import HELD_SPEED, MAX_STEPS, MAX_TIME
 from .._lib.units import labelled
 from ..flight.ends import default_ends, outcome_words
 from ..tunnel.fall import fall, read_records

@@ -11,8 +11,9 @@ import xarray as xr
 
 from .._lib.checks import check_integer, check_kind, warn_float32
 from .batch import default_width, solve
+from .layout import blank, bytes_of
 from .records import study_dataset
-from .store import blank, bytes_of, check_memory, opened, precision
+from .store import check_memory, opened, precision
 from .study import Study
 
 

@@ -16,8 +16,8 @@ import xarray as xr
 
 from .._lib.checks import check_choice, check_range, warn_float32
 from .._lib.datasets import Schema, Variable, checked
+from .._lib.defaults import CHOICES
 from .._lib.fields import parameters_of
-from .._lib.parameters import CHOICES
 from .._lib.types import Array, Float
 from .._lib.units import labelled
 from ..body.snake import Snake

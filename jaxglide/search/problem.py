@@ -11,13 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import check_range, warn_float32
+from .._lib.checks import as_number, check_range, warn_float32
+from .._lib.defaults import GRADIENT_SETUP as SETUP
+from .._lib.defaults import SEARCH_TOLERANCE
 from .._lib.fingerprint import fingerprint
-from .._lib.parameters import GRADIENT_SETUP as SETUP
-from .._lib.parameters import SEARCH_TOLERANCE
 from .._lib.records import encode
 from .._lib.types import Array, Float, Scalar
-from ..ensemble.cases import as_number
 from ..ensemble.study import base_of, fixed_case
 from ..flight.case import Case
 from ..flight.dynamics import Glider

@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 
 from .._lib.checks import check_integer, check_range, check_shape, number
+from .._lib.defaults import TUNNEL
 from .._lib.numerics import cross
-from .._lib.parameters import TUNNEL
 from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Vec3
 from ..body.sections import discretise

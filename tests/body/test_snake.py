@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from jaxglide import Snake, discretise
-from jaxglide._lib.parameters import PUBLISHED_NECK
 from jaxglide.body.sections import wing_area
+from jaxglide.body.snake import PUBLISHED_NECK
 
 GAUSS = {"node_set": "gauss", "nodes": 60}
 

@@ -291,7 +291,7 @@ def test_a_held_glide_that_does_not_land_is_a_failure(capsys, tmp_path):
 
 def test_the_command_line_and_python_have_the_same_defaults():
     """Options left out are the defaults of the functions that they reach."""
-    from jaxglide._lib.parameters import HELD_SPEED, HELD_TOLERANCE, TUNNEL
+    from jaxglide._lib.defaults import HELD_SPEED, HELD_TOLERANCE, TUNNEL
     from jaxglide.ensemble import published, survey
     from jaxglide.ensemble.study import Study
     from jaxglide.flight.glide import simulate

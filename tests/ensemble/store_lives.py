@@ -24,7 +24,8 @@ import tqdm.auto  # noqa: F401
 
 from jaxglide import cli
 from jaxglide.ensemble import sweep as module
-from jaxglide.ensemble.store import layout, precision
+from jaxglide.ensemble.layout import layout
+from jaxglide.ensemble.store import precision
 from jaxglide.ensemble.study import Study
 
 jax.config.update("jax_enable_x64", True)

@@ -24,8 +24,9 @@ from jaxglide import (
 )
 from jaxglide.ensemble import sweep as module
 from jaxglide.ensemble.base import published_case
+from jaxglide.ensemble.layout import layout
 from jaxglide.ensemble.plan import Plan
-from jaxglide.ensemble.store import StoreError, layout
+from jaxglide.ensemble.store import StoreError
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import survey
 from jaxglide.ensemble.sweep import sweep
@@ -280,3 +281,12 @@ def test_own_states_are_kept(monkeypatch):
     assert data.own_states.dims == ("lag", "sample", "own_state")
     assert data.own_states.shape == (2, 2, 8)
     assert data.lag.attrs["units"] == "1"
+
+
+def test_a_part_of_a_study_flies_the_same_base(study):
+    for one in (study, Study({"nu_theta": [1.0, 1.1, 1.2]}, setup={"nodes": 20})):
+        some = one.part(np.array([1]))
+        name, values = next(iter(one.varied.items()))
+        assert some.columns(np.array([0]))[name].tolist() == [values[1]]
+        assert eqx.tree_equal(some.base, one.base)
+        assert some.times == one.times

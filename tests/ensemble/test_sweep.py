@@ -26,7 +26,8 @@ from jaxglide.ensemble import cluster as on_cluster
 from jaxglide.ensemble import store as stores
 from jaxglide.ensemble import sweep as module
 from jaxglide.ensemble.batch import default_width, solve
-from jaxglide.ensemble.store import Store, StoreError, layout, opened
+from jaxglide.ensemble.layout import layout
+from jaxglide.ensemble.store import Store, StoreError, opened
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
 from jaxglide.files.glides import glide_dataset

@@ -10,9 +10,9 @@ import pytest
 
 from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
 from jaxglide._lib.netcdf import load_netcdf
-from jaxglide._lib.parameters import PARAMETERS
 from jaxglide._lib.units import in_file
 from jaxglide._lib.writing import write_netcdf
+from jaxglide.ensemble.base import published_case
 from jaxglide.ensemble.records import _STATES, _VARIABLES
 from jaxglide.files.glides import glide_dataset
 from jaxglide.files.restore import flight_of
@@ -60,7 +60,7 @@ def test_every_number_of_a_glide_has_a_unit_that_others_read(data):
 
 
 def test_every_unit_of_this_package_is_one_that_others_read():
-    units = [p.unit for p in PARAMETERS.values()]
+    units = [p.unit for p in published_case().parameters.values()]
     units += [row[2] for row in _STATES.values()] + [row[1] for row in _VARIABLES.values()]
     units += [row[0] for row in NUMBERS.values()] + [o.unit for o in OBJECTIVES.values()]
     assert {"deg", "deg/SVL", "1/SVL", "rad/s"} <= set(units)

@@ -24,7 +24,6 @@ from jaxglide import (
     TabulatedMotion,
     TimeLimit,
 )
-from jaxglide._lib import parameters
 from jaxglide.body.sections import discretise
 from jaxglide.ensemble.base import published_case
 from jaxglide.search import objective as _objective
@@ -221,7 +220,6 @@ def test_algebra_of_objectives():
 
 
 def test_names_are_those_the_command_line_offers():
-    assert tuple(OBJECTIVES) == parameters.OBJECTIVES
     for name, objective in OBJECTIVES.items():
         assert objective.name == name
 

@@ -90,7 +90,7 @@ def floats(value: Any) -> Any:
         return value
 
 
-def names(value: Any) -> Any:
+def as_names(value: Any) -> Any:
     """Converter of a field to a tuple of names, one alone too; else unchanged, to be named."""
     if isinstance(value, str):
         return (value,)

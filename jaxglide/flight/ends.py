@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import check_given, check_kind, is_traced, result_of
-from .._lib.fields import Part, about, floats, names, recheck
+from .._lib.fields import Part, about, as_names, floats, recheck
 from .._lib.types import Array, Float, Scalar, State, Vec3
 from ..shape.shapes import as_module
 from .dynamics import ANGLES, POSITION
@@ -129,7 +129,7 @@ class AngleLimit(AbstractEnd):
         default=ANGLE_LIMIT,
         metadata=about("deg", "limit of the angles", low=0, high=1e4, low_open=True),
     )
-    angles: tuple[str, ...] = eqx.field(static=True, converter=names, default=TURNS)
+    angles: tuple[str, ...] = eqx.field(static=True, converter=as_names, default=TURNS)
     steady: ClassVar[bool] = True
 
     def _check(self):

@@ -170,15 +170,7 @@ def name_of_cells(cells: Any) -> str | None:
 
 
 class AbstractPolar(Part):
-    """Lift and drag coefficients of a body section: the seam for a table of one's own.
-
-    Args:
-        lift_scale, drag_scale: multipliers on C_L and C_D, 0 to 100. The published
-            sensitivity case is 1.36 and 0.6.
-    """
-
-    lift_scale: eqx.AbstractVar[Scalar]
-    drag_scale: eqx.AbstractVar[Scalar]
+    """Lift and drag coefficients of a body section: the seam for a table of one's own."""
 
     @property
     def measured_angles(self) -> tuple[float, float]:

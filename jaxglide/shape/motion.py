@@ -3,7 +3,6 @@
 import abc
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from .._lib.checks import check_given, check_kind, result_of
@@ -56,13 +55,13 @@ class AbstractShape(Part):
     """Bending angles along the body from a few coordinates: the seam for another waveform.
 
     See `Serpenoid` and `Waveform`. What the coordinates do in time is a drive's affair.
-
-    Attributes:
-        coordinates: names of the m coordinates. The last of a shape with a cycle is `phase`
-            [rad]: the shape repeats where it grows by 2 pi.
     """
 
-    coordinates: eqx.AbstractVar[tuple[str, ...]]
+    @property
+    @abc.abstractmethod
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the m coordinates. The last of a shape with a cycle is `phase` [rad]: the
+        shape repeats where it grows by 2 pi."""
 
     @abc.abstractmethod
     def bending(

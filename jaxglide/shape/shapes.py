@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from .._lib.checks import result_of
-from .._lib.fields import names
+from .._lib.fields import as_names
 from .._lib.numerics import sincos
 from .motion import AbstractShape, Bending, in_neck
 
@@ -81,7 +81,7 @@ class Waveform(AbstractShape):
             the bending angles theta and psi [rad], each (n,): pure and twice differentiable
             in q. If it is a module its floats are the shape's parameters. Give a plain
             function once, not a new one every time: each new one is compiled.
-        coordinates: names of the m coordinates; `phase` [rad], if there is one, is the last.
+        names: of the m coordinates; `phase` [rad], if there is one, is the last.
         neck: whether the angles ramp to zero in the body's neck, as the published waves do
             (static); otherwise they hold all along.
 
@@ -91,19 +91,24 @@ class Waveform(AbstractShape):
     """
 
     angles: Callable[..., Any] = eqx.field(converter=as_module)
-    coordinates: tuple[str, ...] = eqx.field(static=True, converter=names)  # type: ignore
+    names: tuple[str, ...] = eqx.field(static=True, converter=as_names)
     neck: bool = eqx.field(static=True, default=True)
 
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return self.names
+
     def _check(self):
-        given = self.coordinates
+        given = self.names
         if not callable(self.angles):
             raise TypeError(f"angles = {self.angles!r} is not a function")
         if not isinstance(given, tuple) or not all(isinstance(name, str) for name in given):
-            raise TypeError(f"coordinates = {given!r} are not names")
+            raise TypeError(f"names = {given!r} are not names")
         if not given or len(set(given)) < len(given):
-            raise ValueError(f"coordinates = {given} are none, or name one twice")
+            raise ValueError(f"names = {given} are none, or name one twice")
         if "phase" in given[:-1]:
-            raise ValueError(f"coordinates = {given}: phase must be the last")
+            raise ValueError(f"names = {given}: phase must be the last")
         x, q = (jax.ShapeDtypeStruct((size,), float) for size in (5, len(given)))
         what = f"angles of fractions (5,) and coordinates ({len(given)},)"
         found = result_of(what, self.angles, x, q)

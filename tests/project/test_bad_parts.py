@@ -140,10 +140,10 @@ VALUES = {
     "angles gives arrays of shape [(5,)] for": lambda: waveform(lambda x, q: x),
     "angles of fractions (5,) and coordinates (1,) cannot be used: it fails with "
     "RuntimeError": lambda: waveform(fails),
-    "coordinates = ('bow', 'bow') are none, or name one twice": lambda: waveform(
+    "names = ('bow', 'bow') are none, or name one twice": lambda: waveform(
         lambda x, q: (x, x), ("bow", "bow")
     ),
-    "coordinates = ('phase', 'bow'): phase must be the last": lambda: waveform(
+    "names = ('phase', 'bow'): phase must be the last": lambda: waveform(
         lambda x, q: (x, x), ("phase", "bow")
     ),
     "times goes from 1 to 1 s: it must rise": lambda: motion((1.0, 1.0)),
@@ -213,7 +213,7 @@ KINDS = {
     "shape must be of type AbstractShape, not Gait": lambda: Driven(GAIT, Running(GAIT)),
     "drive must be of type AbstractDrive, not Gait": lambda: Driven(Serpenoid(), GAIT),
     "angles = 5 is not a function": lambda: waveform(5),
-    "coordinates = (1, 2) are not names": lambda: waveform(lambda x, q: (x, x), (1, 2)),
+    "names = (1, 2) are not names": lambda: waveform(lambda x, q: (x, x), (1, 2)),
     "law = 5 is not a function": lambda: actuated(5),
     "function = 5 is not a function": lambda: End(5, "over"),
     "word = 5 is not a text": lambda: End(lambda time, state: state[2], 5),

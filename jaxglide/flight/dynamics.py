@@ -182,7 +182,7 @@ def _forced(model: AbstractAerodynamics, flow: Flow, states):
     return found
 
 
-def with_own_states(time: Scalar, rigid: State, flight: Flight) -> State:
+def with_own_states(time: Scalar, rigid: Float[Array, "13"], flight: Flight) -> State:
     """A state whose motion and aerodynamics start here.
 
     Args:

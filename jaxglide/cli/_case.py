@@ -21,11 +21,8 @@ from ..flight.ends import Outcome
 from ..flight.glide import simulate
 from ..flight.launch import Launch
 from ..loads.aerodynamics import LaggingCirculation
-from ..tunnel.fall import PUBLISHED_LAUNCH
 from ._options import UsageError, a_number, by_name, pair, three, whole
 
-HELD_SPEED = PUBLISHED_LAUNCH[1]
-"""Forward speed at which the published held glides start [m/s]."""
 TOLERANCE: float = inspect.signature(simulate).parameters["rtol"].default
 """Relative and absolute tolerance of a glide."""
 
@@ -120,20 +117,18 @@ def add_tolerances(parser: argparse.ArgumentParser, default: float = TOLERANCE) 
         add_number(group, name, known, default)
 
 
-def add_glider(parser: argparse.ArgumentParser, held: bool = False) -> None:
-    """Glider and launch; a held glide stays in the plane y, z and has no heading."""
+def add_glider(parser: argparse.ArgumentParser, held: float | None = None) -> None:
+    """Glider and launch; a glide held, from a speed [m/s], stays in a plane without heading."""
     base = published_case()
     for title, names in _GROUPS.items():
         group = parser.add_argument_group(title)
         for name in names:
-            if held and name == "heading":
+            if held is not None and name == "heading":
                 continue
-            told = base.value(name) if name not in _FOLLOWS else _FOLLOWS[name]
-            if held and name == "speed":
-                told = HELD_SPEED
-            told = told if isinstance(told, str) else float(told)
+            told = held if name == "speed" and held else _FOLLOWS.get(name)
+            told = float(base.value(name)) if told is None else told
             add_number(group, name, base.parameter(name), told=told)
-    add_setup(parser, held=held)
+    add_setup(parser, held=held is not None)
 
 
 def numbers_of(args) -> dict[str, float]:
@@ -308,6 +303,8 @@ def case_of(args, **defaults: float) -> Case:
 
 def replaced(case: Case, values: Mapping[str, float]) -> Case:
     """The case with other numbers; `ValueError` where one that follows is out of range."""
+    if not values:
+        return case
     case = case.replace(values)
     case.check({path: case.value(path) for path in case.follow})
     return case

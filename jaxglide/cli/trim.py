@@ -1,9 +1,11 @@
 """`jaxglide trim`."""
 
 from .._lib.fields import Parameter
-from ._case import HELD_SPEED, add_glider, build_from, check_number
+from ..tunnel.fall import PUBLISHED_LAUNCH
+from ._case import add_glider, build_from, check_number
 from ._options import UsageError, a_number, add_output, missing, print_json, refuse, write
 
+HELD_SPEED = PUBLISHED_LAUNCH[1]
 _BEND = -20.0, 20.0  # deg per SVL
 
 
@@ -18,7 +20,7 @@ def add(commands) -> None:
         epilog="Exit code: 0 for a trim, 1 if the moment does not change sign in the range, 2 "
         "for wrong input.",
     )
-    add_glider(trim, held=True)
+    add_glider(trim, held=HELD_SPEED)
     group = trim.add_argument_group("trim")
     group.add_argument(
         "--parameter", default="d_psi", metavar="NAME", help="what is varied (d_psi)"

@@ -5,11 +5,12 @@ import sys
 
 from .._lib.fields import Parameter, parameters_of
 from ..shape.gait import Gait
-from ..tunnel.fall import fall
+from ..tunnel.fall import PUBLISHED_LAUNCH, fall
 from ..tunnel.loads import MOMENT_PHASES, PHASES
-from ._case import HELD_SPEED, add_glider, add_number, base_of, case_of, numbers_of
+from ._case import add_glider, add_number, base_of, case_of, numbers_of
 from ._options import add_output, missing, print_json, refuse, whole, write
 
+HELD_SPEED = PUBLISHED_LAUNCH[1]
 _TURNS = ("yaw", "pitch", "roll")
 _HELD = {name: p.default for name, p in inspect.signature(fall).parameters.items()}
 _TUNNEL = {
@@ -29,7 +30,7 @@ def add(commands) -> None:
         "attitude at the ground. Moments are positive nose up, right side down, nose left. "
         "Exit code: 0, or 1 if the snake did not reach the ground, 2 for wrong input.",
     )
-    add_glider(tunnel, held=True)
+    add_glider(tunnel, held=HELD_SPEED)
     group = tunnel.add_argument_group("tunnel")
     for name in _TURNS:
         turn = Parameter("deg", f"held {name}", low=-85, high=85, low_open=True, high_open=True)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import jaxglide
 from jaxglide.flights.fitter import SCALES, Fitter, fitted_dataset
 from jaxglide.flights.flights import fly_flights
 from made_flights import dataset
@@ -201,6 +202,6 @@ def test_bad_input_is_named(made, options, message):
     with pytest.raises(ValueError, match=message):
         Fitter(made, **options)
     with pytest.raises(ValueError, match="starts = 0"):
-        Fitter(made).fit(starts=0)
+        jaxglide.fit(made, starts=0)
     with pytest.raises(ValueError, match="scales = 0"):
         Fitter(made).start((1.0, 0.0))

@@ -211,7 +211,7 @@ def _check_launch(launch: Launch) -> None:
             raise ValueError(
                 f"{name} of the launch has no effect on a held glide: leave it out"
             )
-    if not is_traced(launch.heading) and np.any(launch.heading != 0):
+    if not is_traced(launch.heading) and np.any(np.asarray(launch.heading)):
         raise ValueError("heading has no effect on a held glide, which stays in a plane")
 
 

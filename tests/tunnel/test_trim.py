@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import AbstractMotion, Gait, Glider, Polar, Snake
+from jaxglide import AbstractMotion, Gait, Glider, Launch, Polar, Snake
 from jaxglide.tunnel.loads import loads
 from jaxglide.tunnel.trim import GAIT_PARAMETERS, derivatives, pitch_moment, trim
 
@@ -34,6 +34,12 @@ STEPS = (1e-2, 1e-4, 1e-2)
 
 def moment(values):
     return pitch_moment(shaped(values), **FINE)
+
+
+def test_a_launch_made_beforehand_may_be_used_inside_jit():
+    launch = Launch(2.0, 1.7)
+    found = jax.eval_shape(lambda values: pitch_moment(shaped(values), launch), HERE)
+    assert found.shape == ()
 
 
 @pytest.fixture(scope="module")

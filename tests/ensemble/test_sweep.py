@@ -798,7 +798,7 @@ def test_a_cluster_survives_the_loss_of_a_worker(tmp_path):
 DYING = """
 import os
 import jaxglide.ensemble.batch
-jaxglide.batch.solve = lambda *_: os._exit(9)
+jaxglide.ensemble.batch.solve = lambda *_: os._exit(9)
 """
 
 

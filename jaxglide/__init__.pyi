@@ -1,5 +1,6 @@
 """The names of `jaxglide`, from whatever room they come: read when the package is imported."""
 
+from ._lib.fields import Parameter, about, floats
 from .air import AbstractAir, Gust, ShearWind, StillAir, Turbulence, UniformWind
 from .body import AbstractBody, Sections, Snake, TabulatedBody, discretise, mass_from_length
 from .ensemble.study import Study
@@ -132,6 +133,7 @@ __all__ = [
     "Observation",
     "Optimum",
     "Outcome",
+    "Parameter",
     "Plane",
     "Planned",
     "Polar",
@@ -157,6 +159,7 @@ __all__ = [
     "UniformWind",
     "Verification",
     "Waveform",
+    "about",
     "body_polar",
     "clearance",
     "compare_paths",
@@ -168,6 +171,7 @@ __all__ = [
     "evaluate",
     "fall",
     "fit",
+    "floats",
     "fly_flights",
     "glide_angle",
     "glide_ratio",

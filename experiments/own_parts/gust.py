@@ -4,7 +4,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglide import AbstractAir, Gait, Glider, Launch, Polar, Snake, StillAir, simulate
+from jaxglide import (
+    AbstractAir,
+    Gait,
+    Glider,
+    Launch,
+    Polar,
+    Snake,
+    StillAir,
+    about,
+    floats,
+    simulate,
+)
 
 
 class Thermal(AbstractAir):
@@ -18,9 +29,18 @@ class Thermal(AbstractAir):
         radius: [m].
     """
 
-    strength: jax.Array = eqx.field(converter=jnp.asarray)
-    ahead: jax.Array = eqx.field(converter=jnp.asarray, default=2.0)
-    radius: jax.Array = eqx.field(converter=jnp.asarray, default=1.5)
+    # its unit and range make a number one to sweep, to search, and to check
+    strength: jax.Array = eqx.field(
+        converter=floats, metadata=about("m/s", "strength of the thermal", low=-50, high=50)
+    )
+    ahead: jax.Array = eqx.field(
+        converter=floats, default=2.0, metadata=about("m", "forward distance of the thermal")
+    )
+    radius: jax.Array = eqx.field(
+        converter=floats,
+        default=1.5,
+        metadata=about("m", "radius of the thermal", low=0, high=1e4, low_open=True),
+    )
 
     def wind(self, position, time):
         x, y, _ = position

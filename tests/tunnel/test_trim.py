@@ -50,8 +50,14 @@ def slopes():
 
 @pytest.mark.slow
 def test_the_gradient_of_the_mean_pitch_moment_against_differences(slopes):
-    """To 1e-6 of the value."""
-    expected = [slope(lambda x: slopes(x)[1], HERE, i, step) for i, step in enumerate(STEPS)]
+    """To 1e-6 of the value. The solver's steps change from value to value, by which single
+    differences scatter more than that: their median over nine widths does not."""
+    expected = [
+        np.median(
+            [slope(lambda x: slopes(x)[1], HERE, i, h) for h in np.geomspace(h / 2, 2 * h, 9)]
+        )
+        for i, h in enumerate(STEPS)
+    ]
     np.testing.assert_allclose(slopes(HERE)[0], expected, rtol=1e-6)
 
 

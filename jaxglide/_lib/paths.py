@@ -23,6 +23,8 @@ _INDEX = re.compile(r"(?P<path>.*?)\[(?P<index>\d+(?:,\d+)*)\]")
 def _walk(module: eqx.Module, prefix: str) -> Iterator[tuple[str, Parameter]]:
     known = parameters_of(type(module))
     for field in dataclasses.fields(module):  # type: ignore[arg-type]
+        if field.metadata.get("static"):
+            continue  # part of what is compiled
         value, path = getattr(module, field.name), prefix + field.name
         if isinstance(value, eqx.Module):
             yield from _walk(value, f"{path}.")
@@ -39,6 +41,11 @@ def _walk(module: eqx.Module, prefix: str) -> Iterator[tuple[str, Parameter]]:
 def parameters(module: eqx.Module) -> dict[str, Parameter]:
     """Every float of a module, and of the modules in it, by its path."""
     return dict(_walk(module, ""))
+
+
+def _meant(known: Mapping[str, Parameter], name: str) -> list[str]:
+    """The paths whose last or short name it is."""
+    return [p for p, about in known.items() if name in (p.rpartition(".")[2], about.short)]
 
 
 def resolve(module: eqx.Module, name: str) -> str:
@@ -58,7 +65,7 @@ def resolve(module: eqx.Module, name: str) -> str:
     known = parameters(module)
     if name in known:
         return name
-    paths = [p for p, about in known.items() if name in (p.rpartition(".")[2], about.short)]
+    paths = _meant(known, name)
     if len(paths) == 1:
         return paths[0]
     if paths:
@@ -73,9 +80,8 @@ def short_name(module: eqx.Module, path: str) -> str:
     if found:
         return f"{short_name(module, found['path'])}[{found['index']}]"
     known = parameters(module)
-    names = [about.short or p.rpartition(".")[2] for p, about in known.items()]
     name = known[path].short or path.rpartition(".")[2]
-    return name if names.count(name) == 1 else path
+    return name if len(_meant(known, name)) == 1 else path
 
 
 def described(module: eqx.Module, path: str) -> Parameter:

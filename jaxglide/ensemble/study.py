@@ -10,8 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from .._lib import paths
-from .._lib.checks import as_array, as_number, check_kind, check_shapes
+from .._lib.checks import as_array, as_number, check_kind
 from .._lib.defaults import MAX_STEPS, MAX_TIME, SOLVER, TOLERANCE
 from ..flight.case import Case
 from ..flight.dynamics import Glider
@@ -253,11 +252,7 @@ def _named(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
 def _check_single(case: Case, name: str, path: str) -> None:
     """Raise `ValueError` unless a path means one number."""
     value = case.value(path)
-    if value is None:
-        inside = f"glider.{path}" if hasattr(case.glider, path.split(".")[0]) else path
-        owner = inside.rpartition(".")[0]
-        check_shapes(paths.get(case.replace({path: 0.0}), owner))
-    elif np.ndim(value):
+    if np.ndim(value):
         raise ValueError(
             f"{name} is not one number but of shape {np.shape(value)}: name one of them, such "
             f"as {name}[{','.join('0' * np.ndim(value))}]"

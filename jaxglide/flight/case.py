@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 
 from .._lib import paths
-from .._lib.checks import check_kind
+from .._lib.checks import check_kind, check_shapes
 from .._lib.fields import Parameter, Part
 from .dynamics import Glider
 from .ends import AbstractEnd, check_ends, default_ends
@@ -87,7 +87,11 @@ class Case(Part):
         """
         for name, value in values.items():
             self.parameter(name).check(name, value)
-            shape = np.shape(paths.get(self, _inside(self, self.path(name))))
+            inside, case = _inside(self, self.path(name)), self
+            if paths.get(case, inside) is None:  # left out: is it one number where it is given?
+                case = paths.put(self, {inside: 0.0})
+                check_shapes(paths.get(case, inside.rpartition(".")[0]))
+            shape = np.shape(paths.get(case, inside))
             if shape:
                 raise ValueError(
                     f"{name} is an array of shape {shape}: name a number in it, such as "

@@ -122,3 +122,28 @@ def test_values_out_of_range_are_refused():
         BASE.check({"nu_theta": [1.0, 11.0]})
     with pytest.raises(ValueError, match=r"^air.air_density follows from nothing"):
         Case(BASE.glider, Launch(), follow=("air.air_density",))
+
+
+def test_a_last_name_that_another_float_shares_with_a_short_one_is_no_name():
+    """A length of one's own beside the snake's, whose short name is svl."""
+
+    class Column(AbstractAir):
+        length: float = 2.0
+
+        def wind(self, position, time):
+            return None
+
+    case = Case(Glider(Snake.from_svl(), Gait.from_degrees(), air=Column()))
+    assert case.name("air.length") == "air.length"
+    assert {case.path(case.name(path)) for path in case.parameters} == set(case.parameters)
+
+
+def test_what_is_compiled_in_is_no_parameter():
+    spaced = Case(Glider(Snake.from_svl(spacing=0.01), Gait.from_degrees()))
+    assert spaced.parameters.keys() == BASE.parameters.keys()
+
+
+@pytest.mark.parametrize("name", ["omega", "launch.angles"])
+def test_several_numbers_that_are_left_out_are_not_one(name):
+    with pytest.raises(ValueError, match=r"^(omega|angles) has shape \(\): it must be \(3,\)$"):
+        BASE.check({name: 0.5})

@@ -6,7 +6,7 @@ published.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -27,7 +27,7 @@ from .._lib.fields import recheck
 from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Int, Integer, Scalar, Vec3
 from ..body.sections import Sections, discretise
-from ..flight.dynamics import VELOCITY, Glider, check_glider
+from ..flight.dynamics import POSITION, VELOCITY, Glider, check_glider
 from ..flight.ends import TURNS, Ground, Outcome
 from ..flight.launch import Launch, launch_velocity, published_speed
 from ..flight.solve import settings_of, solve
@@ -102,7 +102,7 @@ class Fall(eqx.Module, Reported):
         )
 
     @property
-    def times(self) -> Float[Array, " S"]:
+    def times(self) -> Float[Array, "... S"]:
         """Times of the records [s], (S,)."""
         return self.interval[..., None] * jnp.arange(self.states.shape[-2])
 
@@ -121,14 +121,13 @@ class Tunnel(NamedTuple):
     phases: int
 
 
-def mean_acceleration(velocity: Vec3, tunnel: Tunnel) -> Vec3:
+def mean_acceleration(velocity: Vec3, tunnel: Tunnel, place: Any = 0.0) -> Vec3:
     """Acceleration by the phase-averaged force and weight, inertial axes [m/s^2], (3,)."""
     glider, sections, angles, phases = tunnel
+    launched = jnp.zeros_like(velocity[0])
 
     def force(phase):
-        now = held_elements(
-            glider, sections, velocity, angles, jnp.zeros_like(velocity[0]), phase
-        )
+        now = held_elements(glider, sections, velocity, angles, launched, phase, place)
         total = over_nodes(now.aerodynamics.force)
         return jnp.sum(now.R_BI * total[:, None], axis=0)
 
@@ -138,7 +137,7 @@ def mean_acceleration(velocity: Vec3, tunnel: Tunnel) -> Vec3:
 
 def _translation(time, state, tunnel: Tunnel):
     """Rate of position and velocity, (6,), in the plane y, z."""
-    acceleration = mean_acceleration(state[VELOCITY], tunnel)
+    acceleration = mean_acceleration(state[VELOCITY], tunnel, state[POSITION])
     return jnp.concatenate([state[VELOCITY], _IN_PLANE * acceleration])
 
 
@@ -206,7 +205,7 @@ def _dropped(glider, launch, angles, settings, interval, phases) -> Fall:
 
 def _check_launch(launch: Launch) -> None:
     """Raise `ValueError` for what has no effect on a held glide."""
-    for name in ("phi_theta", "angles"):
+    for name in ("phi_theta", "angles", "omega"):
         if getattr(launch, name) is not None:
             raise ValueError(
                 f"{name} of the launch has no effect on a held glide: leave it out"
@@ -228,7 +227,8 @@ def fall(
 ) -> Fall:
     """The rotationally invariant glide: fall to the ground with the attitude held.
 
-    Pure and compiled, and differentiable in both modes, as `simulate` is.
+    Pure and compiled, and differentiable in both modes, as `simulate` is. The wind is
+    that at its place, at the time of the launch.
 
     Args:
         glider: what falls.
@@ -267,8 +267,11 @@ def fall(
     )
 
 
-def _velocity(state) -> Vec3:
-    return jnp.concatenate([jnp.zeros(1), state[2:]])
+def _in_space(state) -> tuple[Vec3, Vec3]:
+    """Place and velocity, (3,) each, of y, z, v_y, v_z."""
+    y, z, v_y, v_z = state
+    none = jnp.zeros_like(y)
+    return jnp.stack([none, y, z]), jnp.stack([none, v_y, v_z])
 
 
 def read_records(glider: Glider, angles: Vec3, times, states, phases: int) -> Loads:
@@ -288,8 +291,8 @@ def read_records(glider: Glider, angles: Vec3, times, states, phases: int) -> Lo
     def at(record):
         time, state = record
         valid = jnp.all(jnp.isfinite(state))
-        velocity = _velocity(jnp.where(valid, state, 1.0))
-        read = by_phase(glider, sections, velocity, angles, time, phases)
+        place, velocity = _in_space(jnp.where(valid, state, 1.0))
+        read = by_phase(glider, sections, velocity, angles, time, phases, place=place)
         return jax.tree.map(lambda values: jnp.where(valid, values, jnp.nan), read)
 
     return jax.lax.map(at, (times, states))
@@ -326,9 +329,9 @@ def loads_along(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:
 
 @eqx.filter_jit
 def _loads_at_end(fallen: Fall, phases: int) -> Loads:
-    velocity = _velocity(fallen.state)
-    sections = discretise(fallen.glider.body)
-    return by_phase(fallen.glider, sections, velocity, fallen.angles, fallen.time, phases)
+    place, velocity = _in_space(fallen.state)
+    held = fallen.glider, discretise(fallen.glider.body), velocity, fallen.angles
+    return by_phase(*held, fallen.time, phases, place=place)
 
 
 def loads_at_end(fallen: Fall, phases: int = MOMENT_PHASES) -> Loads:

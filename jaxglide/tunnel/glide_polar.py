@@ -4,6 +4,8 @@ Lift and drag against angle of attack, and the velocity polar diagram with its e
 (Yeaton, Socha and Ross, "Global dynamics of non-equilibrium gliding in animals", 2017).
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,6 +15,7 @@ import optimistix as optx
 from .._lib.checks import check_integer, check_range, check_shape, number
 from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Scalar
+from ..air.air import AbstractAir, StillAir
 from ..body.sections import discretise, wing_area
 from ..flight.dynamics import Glider, check_glider
 from .fall import FORCE_PHASES, Tunnel, mean_acceleration
@@ -47,8 +50,14 @@ class BodyPolar(eqx.Module, Reported):
         return Report("Polar of the whole body, level and undulating", tuple(rows))
 
 
+def _still(air: AbstractAir) -> StillAir:
+    """The same air at rest."""
+    return StillAir(air_density=air.air_density, kinematic_viscosity=air.kinematic_viscosity)
+
+
 @eqx.filter_jit
 def _body_polar(glider, speed, alpha, phases) -> BodyPolar:
+    glider = dataclasses.replace(glider, air=_still(glider.air))
     tunnel = Tunnel(glider, discretise(glider.body), jnp.zeros(3), phases)
     weight = jnp.zeros(3).at[2].set(glider.gravity)
 
@@ -69,8 +78,8 @@ def body_polar(
     """Lift and drag of the whole body, level and undulating, averaged over phases.
 
     Args:
-        glider: what is in the tunnel.
-        speed: of the centre of mass [m/s], above 0.
+        glider: what is in the tunnel; its wind, if there is one, is left out.
+        speed: of the centre of mass through the air [m/s], above 0.
         angle_of_attack: of the level body to its path [rad], (A,): the path points that
             much below the horizontal.
         phases: number of phases.
@@ -105,7 +114,8 @@ def velocity_polar(
 
     Args:
         glider: what is in the tunnel.
-        v_y, v_z: forward and vertical (downward negative) velocities [m/s], (Y,), (Z,).
+        v_y, v_z: forward and vertical (downward negative) velocities over the ground [m/s],
+            (Y,), (Z,).
         angles: held yaw, pitch, roll [rad], (3,).
         phases: number of phases.
 
@@ -128,8 +138,8 @@ class Equilibrium(eqx.Module, Reported):
     """Steady glide of a body whose attitude is held.
 
     Attributes:
-        velocity: v_y, v_z [m/s], (2,), NaN where none was found.
-        glide_angle: of the path below the horizontal [rad].
+        velocity: v_y, v_z over the ground [m/s], (2,), NaN where none was found.
+        glide_angle: of the path over the ground below the horizontal [rad].
         found: whether the acceleration vanishes there.
         stable: whether a small change of velocity dies out, the attitude still held.
     """
@@ -183,7 +193,8 @@ def _equilibrium(glider, angles, phases) -> Equilibrium:
 
     # From shallow to steep paths, slow to fast; stable ones first, then the shallowest.
     held = jax.lax.stop_gradient((glider, angles))
-    loading = glider.body.mass * gravity / wing_area(glider.body)
+    sections = discretise(glider.body)
+    loading = sections.total_mass * gravity / jnp.sum(sections.area)
     speed = jnp.sqrt(jax.lax.stop_gradient(2 * loading / density)) * jnp.array([0.7, 1.0, 1.4])
     slope = jnp.deg2rad(jnp.linspace(10.0, 85.0, 16))
     paths = jnp.stack([jnp.cos(slope), -jnp.sin(slope)], axis=-1)

@@ -5,7 +5,7 @@ and z (yaw); with all angles 0 they are the inertial axes.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,6 +19,7 @@ from .._lib.types import Array, Float, Vec3
 from ..body.sections import discretise
 from ..flight.dynamics import (
     ANGLES,
+    POSITION,
     RIGID,
     VELOCITY,
     Elements,
@@ -48,12 +49,16 @@ def phases_of(count: int) -> Float[Array, " P"]:
     return 2 * jnp.pi / count * jnp.arange(count)
 
 
-def held_elements(glider, sections, velocity, angles, time, phase) -> Elements:
-    """The body's elements at a held attitude, moving at `velocity` [m/s], (3,).
+def held_elements(
+    glider, sections, velocity, angles, time, phase, place: Any = 0.0
+) -> Elements:
+    """The body's elements at a held attitude, moving over the ground at `velocity` [m/s], (3,).
 
-    Motion and aerodynamics with own states start there; the place is the origin.
+    Motion and aerodynamics with own states start there; `place` is that of the centre of
+    mass [m], (3,), by default the origin.
     """
-    rigid = jnp.zeros((RIGID,), velocity.dtype).at[VELOCITY].set(velocity)
+    rigid = jnp.zeros((RIGID,), velocity.dtype).at[POSITION].set(place)
+    rigid = rigid.at[VELOCITY].set(velocity)
     flight = Flight(glider, sections, phase)
     return elements(time, with_own_states(time, rigid.at[ANGLES].set(angles), flight), flight)
 
@@ -123,11 +128,13 @@ def several(what: str, values: Array, found: Array | None = None) -> Report:
     return Report(f"{values.size} {what}", rows)
 
 
-def by_phase(glider, sections, velocity, angles, time, phases, per_element=False) -> Loads:
+def by_phase(
+    glider, sections, velocity, angles, time, phases, *, place: Any = 0.0, per_element=False
+) -> Loads:
     """Loads at every phase, (P, 3), or of every element, (P, 3, n)."""
 
     def at(phase):
-        now = held_elements(glider, sections, velocity, angles, time, phase)
+        now = held_elements(glider, sections, velocity, angles, time, phase, place)
         r, force = now.body.position, now.aerodynamics.force
         inertial = shape_moment(sections, now.body)
         if per_element:
@@ -147,15 +154,6 @@ def check_angles(angles, phases) -> Vec3:
     return angles
 
 
-def checkheld_elements(velocity, angles, phases) -> tuple[Vec3, Vec3]:
-    """Velocity [m/s] and angles [rad] as arrays; `ValueError` where they are not (3,)."""
-    angles = check_angles(angles, phases)
-    velocity = number("velocity")(velocity)
-    check_shape("velocity", velocity, (3,))
-    check_range("velocity", velocity, "m/s", -1e3, 1e3)
-    return velocity, angles
-
-
 def check_held(velocity, angles, phases) -> tuple[Vec3, Vec3]:
     """Velocity [m/s] and angles [rad] as arrays; `ValueError` where they are not (3,)."""
     angles = check_angles(angles, phases)
@@ -168,7 +166,7 @@ def check_held(velocity, angles, phases) -> tuple[Vec3, Vec3]:
 @eqx.filter_jit
 def _read(glider, velocity, angles, time, phases, per_element):
     sections = discretise(glider.body)
-    return by_phase(glider, sections, velocity, angles, time, phases, per_element)
+    return by_phase(glider, sections, velocity, angles, time, phases, per_element=per_element)
 
 
 def loads(
@@ -183,8 +181,8 @@ def loads(
     """Forces and moments by phase at a velocity and attitude.
 
     Args:
-        glider: what is in the tunnel.
-        velocity: of the centre of mass, inertial axes [m/s], (3,).
+        glider: what is in the tunnel, at the origin.
+        velocity: of the centre of mass over the ground, inertial axes [m/s], (3,).
         angles: yaw, pitch, roll [rad], (3,), below 85 degrees.
         time: in the waves' phase phi_theta - 2 pi f_theta t [s].
         phases: number of phases phi_theta, equally spaced from 0, 4 to 3600.
@@ -194,7 +192,7 @@ def loads(
         ValueError: an argument is not finite or out of range.
     """
     check_glider(glider)
-    velocity, angles = checkheld_elements(velocity, angles, phases)
+    velocity, angles = check_held(velocity, angles, phases)
     check_shape("time", time, ())
     check_range("time", time, "s", -1e4, 1e4)
     return _read(glider, velocity, angles, jnp.asarray(time, angles.dtype), phases, per_element)

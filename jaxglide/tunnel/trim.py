@@ -185,7 +185,8 @@ def trim(
         case.check({parameter: low / about.factor})
     bounds = number("bounds")(bounds)
     options["angles"] = number("angles")(options.get("angles", (0.0, 0.0, 0.0)))
-    return _trim(case, bounds, tolerance, parameter, points, options)
+    near = jnp.asarray(tolerance, bounds.dtype)  # traced: another one compiles nothing
+    return _trim(case, bounds, near, parameter, points, options)
 
 
 class Derivatives(eqx.Module, Reported):

@@ -8,7 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, discretise
+from jaxglide import (
+    AbstractBody,
+    Gait,
+    Glider,
+    Launch,
+    Outcome,
+    Polar,
+    ShearWind,
+    Snake,
+    UniformWind,
+    discretise,
+)
 from jaxglide.flight.dynamics import Flight, six_degrees_of_freedom
 from jaxglide.loads.inertia import angular_momentum
 from jaxglide.shape.gait import wave_phase, waves
@@ -271,6 +282,47 @@ def test_without_air_there_is_no_equilibrium(glider):
     assert np.isnan(np.asarray(steady.velocity)).all()
 
 
+# --- wind ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def windy(glider):
+    def blown(air):
+        return eqx.tree_at(lambda g: g.air, glider, air)
+
+    return blown
+
+
+def test_a_held_glide_meets_the_wind_of_its_place(windy):
+    """A wind that is the same all the way down but for the last tenth of a millimetre."""
+    wind, low = [0.0, -2.0, 0.5], Launch(0.5, 1.7)
+    shear = ShearWind(wind, reference_height=0.01, shear_exponent=0.0)
+    there, everywhere = (fall(windy(air), low) for air in (shear, UniformWind(wind)))
+    # near the ground parts of the body are in the air that rests
+    early = there.states[:7], everywhere.states[:7]
+    np.testing.assert_allclose(*early, rtol=0, atol=1e-9)
+    read = [loads_along(one, phases=4).aerodynamic[4] for one in (there, everywhere)]
+    assert np.abs(read[1]).max() > 1e-5
+    np.testing.assert_allclose(*read, rtol=0, atol=1e-9)
+
+
+def test_the_polar_of_a_body_knows_no_wind(windy, glider):
+    blown = body_polar(windy(UniformWind([0.0, -2.0, 1.0])), 5.0, [0.3], phases=4)
+    still = body_polar(glider, 5.0, [0.3], phases=4)
+    np.testing.assert_array_equal(blown.lift_coefficient, still.lift_coefficient)
+
+
+def test_a_body_of_ones_own_needs_nothing_but_its_sections(glider):
+    class Bare(AbstractBody):
+        snake: Snake
+
+        def sections(self):
+            return discretise(self.snake)
+
+    bare = equilibrium(Glider(Bare(glider.body), glider.gait, glider.aerodynamics))
+    assert float(bare.glide_angle) == float(equilibrium(glider).glide_angle)
+
+
 # --- bad input -------------------------------------------------------------------------
 
 
@@ -279,6 +331,7 @@ def test_without_air_there_is_no_equilibrium(glider):
     [
         (lambda g: fall(g, angles=(0, 2, 0)), r"angles = 2 rad.*\(-1.48353, 1.48353\)"),
         (lambda g: fall(g, angles=(0, 0)), r"angles has shape \(2,\)"),
+        (lambda g: fall(g, Launch(omega=(0, 0, 1))), "omega of the launch has no effect"),
         (lambda g: fall(g, phases=0), "phases = 0"),
         (lambda g: fall(g, interval=0.0), "interval = 0 s"),
         (lambda g: fall(g, max_time=-1), "max_time = -1 s"),

@@ -116,7 +116,8 @@ class AngleLimit(AbstractEnd):
     """A limit of yaw, pitch and roll, beyond which a glide counts as unstable.
 
     Args:
-        limit: [rad], above 0 to pi; of the pitch at most 90 degrees have a meaning.
+        limit: [rad], above 0; the pitch never gets beyond 90 degrees, yaw and roll count
+            whole turns.
         angles: which of "yaw", "pitch", "roll" it holds for (static); a flight that is to
             turn has none for yaw.
 

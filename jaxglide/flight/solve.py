@@ -178,7 +178,7 @@ def solve(
         dt0=None,
         y0=state,
         args=args,
-        saveat=_kept(settings, t1, turns),
+        saveat=_kept(settings, t0, t1, turns),
         stepsize_controller=PeakController(controller, _steady(ends)) if turns else controller,
         event=_event(ends, state.dtype),
         adjoint=adjoint,
@@ -209,10 +209,10 @@ def _steady(ends: tuple[AbstractEnd, ...]) -> tuple[AbstractEnd, ...]:
     return tuple(end for end in ends if end.steady)
 
 
-def _kept(settings: Settings, t1, turns) -> diffrax.SaveAt:
+def _kept(settings: Settings, t0, t1, turns) -> diffrax.SaveAt:
     saved = {"end": diffrax.SubSaveAt(t1=True)}
     if settings.times is not None:
-        saved["times"] = diffrax.SubSaveAt(ts=jnp.minimum(settings.times, t1))
+        saved["times"] = diffrax.SubSaveAt(ts=jnp.clip(settings.times, t0, t1))
     return diffrax.SaveAt(subs=saved, dense=settings.dense, controller_state=turns)
 
 
@@ -240,11 +240,13 @@ def _outcome(solution, flying, ends, time, end: State) -> Integer:
     """Why the flight ended: of all ends at its end point, the one it is closest to."""
     result, results = solution.result, diffrax.RESULTS
     outcome = jnp.asarray(int(Outcome.OUT_OF_TIME))
+    finite = jnp.all(jnp.isfinite(end))
     if ends:
         ended = (result == results.event_occurred) | ~flying
-        nearest = jnp.argmin(clearance(ends, time, end))
+        left = clearance(ends, time, end)
+        nearest, finite = jnp.argmin(left), finite & ~jnp.any(jnp.isnan(left))
         outcome = jnp.where(ended, jnp.asarray(outcome_codes(ends))[nearest], outcome)
     outcome = jnp.where(result == results.max_steps_reached, Outcome.OUT_OF_STEPS, outcome)
     # A vector field that is not finite has every step rejected, down to the smallest.
-    finite = jnp.all(jnp.isfinite(end)) & (result != results.dt_min_reached)
+    finite &= result != results.dt_min_reached
     return jnp.where(finite, outcome, Outcome.NON_FINITE).astype(jnp.int32)

@@ -172,3 +172,26 @@ def test_a_glide_may_end_otherwise_than_published():
     limit = AngleLimit.degrees(30, "roll")
     assert (limit.words, limit.codes) == (("unstable in roll",), (3,))
     assert float(limit.limit) == pytest.approx(np.pi / 6)
+
+
+class Deep(eqx.Module):
+    """A function of one's own that is no number below some height."""
+
+    def __call__(self, time, state):
+        return jnp.sqrt(state[2] - 1.0) + 1.0
+
+
+@pytest.mark.parametrize("height", [0.5, 1.5])
+def test_an_end_that_is_no_number_is_not_reached(height):
+    """Neither where it starts so nor where it comes to it, which hides the ground as well."""
+    start = np.r_[0, 0, height, 0, SPEED, 0, np.zeros(7)]
+    flown = integrate(GLIDER, start, 0.0, 0.5, ends=(Ground(), End(Deep(), "went deep")))
+    assert flown.ending == "not finite"
+
+
+def test_states_asked_for_before_a_start_that_is_traced_are_none():
+    start = jnp.zeros(13).at[2].set(HEIGHT)
+    save = [0.0, 0.1, 0.2]
+    kept = jax.jit(lambda t0: integrate(GLIDER, start, t0, 0.3, save=save).states[:, 2])(0.1)
+    expected = [np.nan, HEIGHT, HEIGHT - 9.81 / 2 * 0.1**2]
+    np.testing.assert_allclose(kept, expected, rtol=0, atol=1e-9)

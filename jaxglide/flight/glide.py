@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -14,7 +15,16 @@ from .._lib.report import Report
 from .._lib.types import Array, Bool, Float, Integer, Scalar, State, Vec3
 from ..body.sections import discretise
 from .dynamics import Flight, Glider, check_glider, six_degrees_of_freedom
-from .ends import AbstractEnd, AngleLimit, Outcome, check_ends, default_ends, outcome_words
+from .ends import (
+    AbstractEnd,
+    AngleLimit,
+    Ground,
+    Outcome,
+    Plane,
+    check_ends,
+    default_ends,
+    outcome_words,
+)
 from .integrate import with_room
 from .launch import Launch, TakeOff, take_off
 from .solve import Settings, Solved, settings_of, solve
@@ -184,7 +194,7 @@ def simulate(
     check_glider(glider)
     recheck(check_kind("launch", launch, Launch))
     ends = default_ends() if ends is None else check_ends(ends)
-    _check_angles(launch, ends)
+    _check_start(launch, ends)
     if adjoint is not None:
         check_kind("adjoint", adjoint, diffrax.AbstractAdjoint)
     check_range("max_time", max_time, "s", 0, 1e4, low_open=True, shape=())
@@ -205,8 +215,22 @@ def simulate(
     return _simulate(glider, launch, settings, adjoint)
 
 
-def _check_angles(launch: Launch, ends: Sequence[AbstractEnd]) -> None:
-    """Raise `ValueError` for a launch attitude that is beyond a limit of the angles."""
+def _check_start(launch: Launch, ends: Sequence[AbstractEnd]) -> None:
+    """Raise `ValueError` for a launch beyond the ground, a plane or a limit of the angles."""
+    for end in ends:
+        beyond = ""
+        if any(map(is_traced, jax.tree.leaves((launch.height, end)))):
+            continue
+        if isinstance(end, Ground) and float(launch.height) <= float(end.level):
+            beyond = f"above the ground at {float(end.level):g} m"
+        if isinstance(end, Plane):
+            along = float(np.asarray(end.normal)[2]) * float(launch.height)
+            beyond = "on the near side of the plane" if along >= float(end.offset) else ""
+        if beyond:
+            raise ValueError(
+                f"height = {float(launch.height):g} m is not allowed: the launch must be "
+                f"{beyond} that ends the flight"
+            )
     if launch.angles is None or is_traced(launch.angles):
         return
     for end in ends:

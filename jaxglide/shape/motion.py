@@ -170,8 +170,8 @@ class Driven(AbstractMotion):
 
     Raises:
         TypeError: a part is of another type.
-        ValueError: the drive's coordinates are not as many as the shape's, or its states
-            and their rates do not match.
+        ValueError: the drive's coordinates are not as many as the shape's, its states and
+            their rates do not match, or it runs a phase that the shape does not have.
     """
 
     shape: AbstractShape
@@ -197,6 +197,11 @@ class Driven(AbstractMotion):
                     f"{len(names)} ({', '.join(names)})"
                 )
         check_given(f"{kind}'s rates of its states", rates, states.shape)
+        if getattr(self.drive, "cyclic", False) and names[-1] != "phase":
+            raise ValueError(
+                f"cyclic = True of {kind} is not allowed: the shape's last coordinate is "
+                f"{names[-1]}, no phase that a frequency could run"
+            )
 
     def start(self, phase):
         return self.drive.start(phase)

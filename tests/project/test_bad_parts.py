@@ -22,6 +22,7 @@ from jaxglide import (
     End,
     Gait,
     Glider,
+    Ground,
     Gust,
     LaggingCirculation,
     Launch,
@@ -82,6 +83,17 @@ def fails(*_):
 
 
 VALUES = {
+    "cyclic = True of Running is not allowed: the shape's last coordinate is bend": lambda: (
+        Driven(
+            Waveform(lambda x, q: (q[0] * x, q[1] * x), ("turn", "bend")), Running([0.1, 0.2])
+        )
+    ),
+    "height = 1 m is not allowed: the launch must be above the ground at 2 m": lambda: simulate(
+        GLIDER, Launch(1.0), ends=Ground(2.0)
+    ),
+    "height = 1 m is not allowed: the launch must be on the near side": lambda: simulate(
+        GLIDER, Launch(1.0), ends=(Ground(), Plane((0, 1, 1), 0.5))
+    ),
     # bodies
     "position has 1 stations: a body has at least 2": lambda: body([0.0], [0.1], [0.1]),
     "position starts at 0.1 m: it must start at 0": lambda: body((0.1, 1.0)),

@@ -138,7 +138,8 @@ def _draw(args, problem, found, best) -> None:
     if best is None:
         print("jaxglide: no picture of the best glide: there is none", file=sys.stderr)
         return
-    fixed = {name: x for name, x in problem.fixed.items() if name in ("height", "speed")}
+    kept = ("launch.height", "launch.speed")
+    fixed = {name: x for name, x in problem.fixed.items() if problem.case.path(name) in kept}
     usual = _fly(problem, problem.case.replace(fixed))
     write_drawing(glides, before_and_after(usual, best, ("published", "best")), args)
 

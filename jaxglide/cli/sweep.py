@@ -109,8 +109,10 @@ def _report(study, data, took: float, as_json: bool) -> int:
     import numpy as np
 
     codes = data.outcome.values.ravel()
-    found = {words: int((codes == code).sum()) for code, words in study.outcomes.items()}
-    counts = {words: count for words, count in found.items() if count}
+    counts: dict[str, int] = {}
+    for code, words in study.outcomes.items():  # several ends may have the same words
+        if count := int((codes == code).sum()):
+            counts[words] = counts.get(words, 0) + count
     done = computed(codes)
     code = 0 if done.all() else 1
     if as_json:

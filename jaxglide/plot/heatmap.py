@@ -17,6 +17,7 @@ from .shapes import _MARK, _UNSTABLE, _edges
 _KINDS = ("#0072B2", "#E69F00", "#D55E00", "#CC79A7", "#F0E442", "#56B4E9", "#222222")
 _SIGNED = 0.2  # least share of the smaller side for a map of colours with a middle
 _FEW = 5  # steps of an axis that are all numbered
+_LOST = Outcome.OUT_OF_TIME, Outcome.OUT_OF_STEPS, Outcome.NON_FINITE
 _TUMBLES, _NOT_FINISHED, _NOT_COMPUTED = _MARKS = "tumbles", "not finished", "not computed"
 
 
@@ -109,7 +110,7 @@ def _ends(data: xr.Dataset, values: xr.DataArray, at, keep) -> dict[str, np.ndar
     outcome = _left(selected(data["outcome"], here), keep).values
     tumbles = np.isin(outcome, _UNSTABLE)
     missing = outcome < 0
-    other = ~tumbles & ~missing & (outcome != Outcome.LANDED)
+    other = np.isin(outcome, _LOST)  # any other end is one that was asked for
     return {_TUMBLES: tumbles, _NOT_FINISHED: other, _NOT_COMPUTED: missing}
 
 

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxglide import cli
+from jaxglide import Gait, Glider, Ground, Plane, Snake, Study, cli
 from jaxglide.cli import _setup, glide
 from jaxglide.cli._options import check_output, write
 from jaxglide.cli.figure import _FIGURES, _scripts
+from jaxglide.cli.sweep import _report
 from places import ROOT
 
 
@@ -222,3 +223,17 @@ def test_compiled_code_is_kept_where_caches_are(monkeypatch):
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", "/my")
     assert _setup._cache() == "/my/.cache/jaxglide"
+
+
+def test_ends_of_the_same_words_are_counted_together(capsys):
+    planes = Ground(), Plane((0, 1, 0), 1.0), Plane((1, 0, 0), 1.0)
+    glider = Glider(Snake.from_svl(), Gait.from_degrees())
+    study = Study({"nu_theta": [1.2, 1.3, 1.4]}, glider=glider, ends=planes)
+    point = "nu_theta", "axis"
+    flown = xr.Dataset(
+        {"outcome": ("nu_theta", [7, 8, 0]), "landing_point": (point, np.ones((3, 3)))},
+        coords={"axis": ["x", "y", "z"]},
+    )
+    assert _report(study, flown, 0.0, True) == 0
+    counts = json.loads(capsys.readouterr().out)["outcomes"]
+    assert counts == {"landed": 1, "reached the plane": 2}

@@ -25,7 +25,6 @@ def add(commands) -> None:
 
 def _run(args) -> int:
     import diffrax
-    import numpy as np
 
     from ..flight.glide import simulate
 
@@ -55,28 +54,8 @@ def _run(args) -> int:
     if whole:
         write(data, figure, args)
 
-    def angles(values):
-        degrees = np.rad2deg(np.asarray(values))
-        return dict(zip(("yaw", "pitch", "roll"), map(float, degrees), strict=True))
-
     if args.json:
-        start = glide.take_off
-        result = {
-            "outcome": glide.ending,
-            "time": float(glide.time),
-            "landing_point": np.asarray(glide.landing_point).tolist(),
-            "path_length": float(glide.path_length),
-            "height_lost": float(glide.height_lost),
-            "end_angles_deg": angles(glide.end_angles),
-            "max_angles_deg": angles(glide.max_angles),
-            "launch": {
-                "phase": float(start.phi_theta),
-                "angles_deg": angles(start.angles),
-                "speed": float(start.speed),
-            },
-            "steps": {"accepted": int(glide.accepted), "rejected": int(glide.rejected)},
-        }
-        print_json(result)
+        print_json(_plain(glide))
     else:
         print(glide)
     if not whole:
@@ -85,3 +64,29 @@ def _run(args) -> int:
         print(f"jaxglide: {said}{nothing}", file=sys.stderr)
         return 1
     return 0
+
+
+def _plain(glide) -> dict:
+    """What `--json` prints of a glide."""
+    import numpy as np
+
+    def angles(values):
+        degrees = np.rad2deg(np.asarray(values))
+        return dict(zip(("yaw", "pitch", "roll"), map(float, degrees), strict=True))
+
+    start = glide.take_off
+    return {
+        "outcome": glide.ending,
+        "time": float(glide.time),
+        "landing_point": np.asarray(glide.landing_point).tolist(),
+        "path_length": float(glide.path_length),
+        "height_lost": float(glide.height_lost),
+        "end_angles_deg": angles(glide.end_angles),
+        "max_angles_deg": angles(glide.max_angles),
+        "launch": {
+            "phase": float(start.phi_theta),
+            "angles_deg": angles(start.angles),
+            "speed": float(start.speed),
+        },
+        "steps": {"accepted": int(glide.accepted), "rejected": int(glide.rejected)},
+    }

@@ -93,14 +93,8 @@ def _run(args) -> int:
     if args.json:
         print_json(result)
     else:
-        print(
-            fallen,
-            steady,
-            read,
-            *([f"  {result['note']}"] if "note" in result else []),
-            slopes,
-            sep="\n",
-        )
+        note = [f"  {result['note']}"] if "note" in result else []
+        print(fallen, steady, read, *note, slopes, sep="\n")
     if not landed:
         nothing = ": no file was written" if args.save or args.plot else ""
         print(f"jaxglide: the held glide {outcome}{nothing}", file=sys.stderr)

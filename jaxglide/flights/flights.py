@@ -5,6 +5,7 @@ dataset of `jaxglide.measured` (read from its file, or made there; this module o
 variables). All of them fly as one vmapped computation.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -185,44 +186,8 @@ def _flier(polar: str, nodes: int | None, devices: tuple):
     return spread(one, devices, 3)
 
 
-def fly_flights(
-    data: xr.Dataset,
-    *,
-    polar: str = "published",
-    node_set: str = "published",
-    lift_scale: float = 1.0,
-    drag_scale: float = 1.0,
-    tolerance: float = 1e-8,
-) -> xr.Dataset:
-    """Simulate measured flights from their measured start with their measured gait.
-
-    Args:
-        data: the measured flights, over trial.
-        polar: "published" or "smooth".
-        node_set: "published" (1 cm apart, as the paper) or "gauss".
-        lift_scale, drag_scale: multipliers of the force coefficients.
-        tolerance: of a step.
-
-    Returns:
-        Dataset over trial: simulated path and attitude in time, the end, the launch, beside
-        the measured path, in the axes of the recording.
-
-    Raises:
-        ValueError: see `check_flights`, or an argument out of range.
-    """
-    check_choice("node_set", node_set, CHOICES["node_set"])
-    check_range("tolerance", tolerance, "", 0, 0.1, low_open=True, shape=())
-    warn_float32(tolerance, tolerance)
-    data = check_flights(data)
-    flights = measured_of(data)
-    nodes = node_count(data["svl"].values) if node_set == "published" else None
-    check_choice("polar", polar, CHOICES["polar"])
-    for name, scale in (("lift_scale", lift_scale), ("drag_scale", drag_scale)):
-        check_range(name, scale, "", 0, 100, shape=())
-    fields = {name: np.asarray(values) for name, values in vars(flights).items()}
-    fly = _flier(polar, nodes, tuple(jax.local_devices()))
-    scales = (jnp.asarray(float(scale)) for scale in (lift_scale, drag_scale))
-    flown = fly(fields, len(data["trial"]), *scales, jnp.asarray(float(tolerance)))
+def _flown_dataset(data: xr.Dataset, flown: Mapping[str, np.ndarray]) -> xr.Dataset:
+    """Paths and attitudes simulated, labelled, in the axes of the recording."""
     states, end = flown["states"], flown["end"]
     across = data["start_position"].values * np.array([1.0, 1.0, 0.0])
     vector, angles = ("trial", "time_simulated", "axis"), ["yaw", "pitch", "roll"]
@@ -271,6 +236,48 @@ def fly_flights(
         "flag_values": np.array([int(o) for o in Outcome], np.int32),
         "flag_meanings": " ".join(str(o).replace(" ", "_") for o in Outcome),
     }
+    return found
+
+
+def fly_flights(
+    data: xr.Dataset,
+    *,
+    polar: str = "published",
+    node_set: str = "published",
+    lift_scale: float = 1.0,
+    drag_scale: float = 1.0,
+    tolerance: float = 1e-8,
+) -> xr.Dataset:
+    """Simulate measured flights from their measured start with their measured gait.
+
+    Args:
+        data: the measured flights, over trial.
+        polar: "published" or "smooth".
+        node_set: "published" (1 cm apart, as the paper) or "gauss".
+        lift_scale, drag_scale: multipliers of the force coefficients.
+        tolerance: of a step.
+
+    Returns:
+        Dataset over trial: simulated path and attitude in time, the end, the launch, beside
+        the measured path, in the axes of the recording.
+
+    Raises:
+        ValueError: see `check_flights`, or an argument out of range.
+    """
+    check_choice("node_set", node_set, CHOICES["node_set"])
+    check_range("tolerance", tolerance, "", 0, 0.1, low_open=True, shape=())
+    warn_float32(tolerance, tolerance)
+    data = check_flights(data)
+    flights = measured_of(data)
+    nodes = node_count(data["svl"].values) if node_set == "published" else None
+    check_choice("polar", polar, CHOICES["polar"])
+    for name, scale in (("lift_scale", lift_scale), ("drag_scale", drag_scale)):
+        check_range(name, scale, "", 0, 100, shape=())
+    fields = {name: np.asarray(values) for name, values in vars(flights).items()}
+    fly = _flier(polar, nodes, tuple(jax.local_devices()))
+    scales = (jnp.asarray(float(scale)) for scale in (lift_scale, drag_scale))
+    flown = fly(fields, len(data["trial"]), *scales, jnp.asarray(float(tolerance)))
+    found = _flown_dataset(data, flown)
     about = {"polar": polar, "node_set": node_set, "tolerance": tolerance}
     about |= {"lift_scale": lift_scale, "drag_scale": drag_scale}
     return stamp(found.merge(data[["time", "position", "svl"]]), about, "compared flights")

@@ -198,6 +198,7 @@ def test_a_file_is_the_table(tmp_path):
     assert TabulatedBody.from_csv(path).point_mass.shape == (0,)
 
 
+@pytest.mark.slow
 def test_everything_of_the_table_has_a_derivative():
     def yaw_inertia(body):
         sections, bent = posed(body, GAIT)

@@ -47,6 +47,7 @@ def test_glide_writes_a_labelled_file_and_a_picture(capsys, tmp_path):
         assert np.isfinite(data.force.values).all()
 
 
+@pytest.mark.slow
 def test_options_reach_the_model(capsys):
     base = ("glide", "--json", "--height", "0.5")
     _, reference, _ = run(capsys, *base)
@@ -215,6 +216,7 @@ def test_windtunnel_prints_and_writes_what_the_library_says(capsys, tmp_path):
     assert effect["value"] == pytest.approx(np.deg2rad(1e3 * float(slopes.by_gait.d_psi[0])))
 
 
+@pytest.mark.slow
 def test_trim_prints_a_root_or_says_there_is_none(capsys, tmp_path):
     plot = tmp_path / "t.png"
     # over the published polar's kinks the moment jumps by 1e-8 N mm from value to value

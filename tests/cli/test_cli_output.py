@@ -112,6 +112,7 @@ def test_json_stays_alone_on_standard_output(capsys, tmp_path, monkeypatch):
         assert data.identical(sample())
 
 
+@pytest.mark.slow
 def test_figures_are_not_replaced_unasked(capfd, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "results" / "figure_s8" / "figure_s8.md"

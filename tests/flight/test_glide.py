@@ -432,6 +432,7 @@ def test_reconstruction_at_the_times_asked_for(glide, flight):
     assert np.isnan(force[~flying]).all()
 
 
+@pytest.mark.slow
 def test_reconstruction_inside_transformations(glide):
     """Under jit, vmap and jacfwd times are not known: the same there, NaN outside."""
     times = np.linspace(0, float(glide.time), TIMES.size)

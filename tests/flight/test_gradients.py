@@ -109,6 +109,7 @@ def test_checkpointed_reverse_mode_agrees_with_forward(forward):
     assert np.all(error < 1e-6 * largest), error / largest
 
 
+@pytest.mark.slow
 def test_reverse_mode_with_respect_to_modules(forward):
     """`filter_grad` of a glide with respect to the body: the same as in forward mode."""
     glider, launch = build(POINTS[0])

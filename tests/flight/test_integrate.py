@@ -146,6 +146,7 @@ def test_simulate_is_integrate_from_its_take_off(flown):
     assert np.isnan(found.states[2]).all()
 
 
+@pytest.mark.slow
 def test_the_end_moves_by_the_vector_field_with_the_last_time(flown):
     start = flown.take_off.state
 

@@ -191,3 +191,16 @@ def test_all_lists_every_public_name_and_no_other():
     assert set(jaxglide.__all__) <= set(dir(jaxglide))
     with pytest.raises(AttributeError, match="nothing"):
         jaxglide.nothing  # noqa: B018
+
+
+def test_functions_and_files_are_short():
+    """No function over 60 lines, its docstring aside; no file over 400."""
+    long = [path.name for path in MODULES if len(path.read_text().splitlines()) > 400]
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                told = ast.get_docstring(node) is not None and node.body[1:]
+                begin = node.body[1].lineno if told else node.lineno
+                if node.end_lineno - begin >= 60:
+                    long.append(f"{path.name}:{node.name}")
+    assert not long

@@ -18,7 +18,7 @@ SAYS = {
     "law": ["Glide from 0.3 m: landed"] * 2,
     "sweep_trim_gradient": ["growth", "trim at body.point_position[0] = 0.", "by growth: "],
 }
-LONG = {"robot", "aerodynamics", "law", "sweep_trim_gradient"}
+LONG = {"robot", "aerodynamics", "end", "law", "sweep_trim_gradient", "waveform"}
 
 
 @pytest.mark.parametrize(

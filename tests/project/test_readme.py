@@ -157,6 +157,7 @@ def test_import_lines_in_the_text():
         exec(line, {})
 
 
+@pytest.mark.slow
 def test_sweep(folder):
     text = section(README, "Sweep")
     (folder / "bends.toml").write_text(blocks(text, "toml")[0])

@@ -238,6 +238,7 @@ def test_objectives_together_fly_once(monkeypatch):
     np.testing.assert_allclose(values, [5.0, 5.0])
 
 
+@pytest.mark.slow
 def test_gradients_of_flown_objectives_against_differences():
     """All that fly, with respect to amplitude and bend, by steps of fixed length."""
     flown = [OBJECTIVES[n] for n in OBJECTIVES if n != "squared_pitch_moment"]
@@ -257,6 +258,7 @@ def test_gradients_of_flown_objectives_against_differences():
         np.testing.assert_allclose(jacobian[:, i], expected, rtol=2e-5, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_varied_objectives_are_means_and_worst_values():
     case = {"height": 0.5}
     pairs = [(0.9, 1.1), (1.1, 0.9)]

@@ -426,6 +426,7 @@ def test_values_and_gradients_of_many_flights_are_the_closed_forms(evaluator):
     np.testing.assert_allclose(found.gradients[:, 0, 0], expected[:, 1], rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_best_elevation_of_a_throw(thrown, evaluator):
     """tan(best) = v/sqrt(v^2 + 2 g h), through the whole simulation."""
     found = optimise(thrown, starts=4, steps=60, screen=16, polish=4, evaluator=evaluator)
@@ -490,6 +491,7 @@ def hit(degrees, place, height=2.0):
     )
 
 
+@pytest.mark.slow
 def test_a_float_of_a_part_of_ones_own_is_searched_over(thrown_at_a_wall):
     """Highest where tan(elevation) = v^2/(g place), and at the nearest place."""
     problem = thrown_at_a_wall(height=2.0, speed=SPEED)

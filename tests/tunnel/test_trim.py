@@ -104,6 +104,7 @@ class Tail(AbstractMotion):
         return self._bent().cycle(*given)
 
 
+@pytest.mark.slow
 def test_a_float_of_a_part_of_ones_own_is_trimmed(found):
     glider = eqx.tree_at(lambda g: g.gait, shaped(HERE), Tail(shaped(HERE).gait))
     own = trim(glider, "gait.bend", np.deg2rad((-10.0, 10.0)), points=5)

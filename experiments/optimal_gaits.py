@@ -71,7 +71,7 @@ def best_published(height: float) -> tuple[dict[str, float], float, bool]:
     found = Evaluator(problem_of(height), gradients=False)(points).values
     kept = (found[:, 1:] >= 0).all(axis=1)
     best = int(np.argmax(np.where(kept | ~kept.any(), found[:, 0], -np.inf)))
-    gait = dict(zip(SHAPE, points[best].tolist(), strict=True))
+    gait: dict[str, float] = dict(zip(SHAPE, points[best].tolist(), strict=True))
     return gait, float(found[best, 0]), bool(kept.any())
 
 
@@ -83,7 +83,8 @@ def fly(gait, height: float):
 
 def unmeasured(glide) -> list[float]:
     """Shares of body length and time beyond the measured angles of attack and Re [%]."""
-    return [100 * share for share in extrapolation(glide)]
+    beyond = extrapolation(glide)
+    return [100 * x for x in (beyond.angle_of_attack, beyond.reynolds, beyond.either)]
 
 
 def binding(slacks) -> str:

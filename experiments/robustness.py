@@ -27,6 +27,7 @@ from optimal_gaits import (
     problem_of,
 )
 
+from jaxglide import discretise
 from jaxglide.plot import style
 from jaxglide.search.objectives import landing_distance, stability_margin, varied
 from jaxglide.search.optimum import optimise
@@ -119,7 +120,7 @@ def main() -> None:
     gaits = {"best published": best_published(10.0)[0], "optimum": nominal(options)}
     gaits |= {f"optimum of the {how}": robust(how) for how in ("mean", "worst")}
     glide = fly(gaits["best published"], 10.0)
-    speed, mass = float(glide.take_off.speed), float(glide.glider.body.mass)
+    speed, mass = float(glide.take_off.speed), float(discretise(glide.glider.body).total_mass)
     problem = problem_around(speed, mass)
     exact, fast = Evaluator(problem), Evaluator(problem, gradients=False)
     middle = np.array([[*gait.values(), 1.0, 1.0, speed, mass] for gait in gaits.values()])

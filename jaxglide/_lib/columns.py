@@ -153,8 +153,12 @@ def read_columns(
     source = Path(path)
     rows = read_rows(source)
     known = (*wanted, *optional)
-    for name in rows[0]:
-        if name.strip() not in known:
+    names = [name.strip() for name in rows[0]]
+    rows = [dict(zip(names, row.values(), strict=True)) for row in rows]
+    for name in names:
+        if names.count(name) > 1:
+            raise TableError(f"{source}: column {name!r} is there {names.count(name)} times")
+        if name not in known:
             raise TableError(
                 f"{source}: column {name!r} is not known: known are {', '.join(known)}"
             )

@@ -219,3 +219,12 @@ def test_everything_of_the_table_has_a_derivative():
         difference = (moved(h) - moved(-h)) / (2 * h)
         assert float(getattr(slopes, name)[-1]) == pytest.approx(difference, rel=1e-5)
         assert abs(difference) > 1e-4
+
+
+def test_spaces_around_the_names_of_columns_lose_no_mass(tmp_path):
+    path = tmp_path / "robot.csv"
+    path.write_text("position, chord, density, point_mass\n0, 0.1, 0.1, 0.3\n1, 0.1, 0.1, 0\n")
+    assert float(TabulatedBody.from_csv(path).mass) == pytest.approx(0.4)
+    path.write_text("position,chord,density, chord\n0,0.1,0.1,0.2\n1,0.1,0.1,0.2\n")
+    with pytest.raises(ValueError, match=r"robot.csv: column 'chord' is there 2 times$"):
+        TabulatedBody.from_csv(path)

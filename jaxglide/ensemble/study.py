@@ -14,7 +14,7 @@ from .._lib.checks import as_array, as_number, check_kind
 from .._lib.defaults import MAX_STEPS, MAX_TIME, SOLVER, TOLERANCE
 from ..flight.case import Case
 from ..flight.dynamics import Glider
-from ..flight.ends import AbstractEnd, Outcome, outcome_words
+from ..flight.ends import AbstractEnd, Ground, Outcome, outcome_words
 from ..flight.launch import Launch
 from .base import check_setup, published_case
 from .identity import case_of_record, case_record, floats_as_arrays, own_parts_of, state_size
@@ -102,6 +102,7 @@ class Study(AbstractPlan):
         for name, value in (plain | solver).items():
             object.__setattr__(self, name, value)
         self._check()
+        check_above_ground(case, fixed | arrays, paired=self.grid is None)
         object.__setattr__(self, "max_steps", int(self.max_steps))
 
     @cached_property
@@ -247,6 +248,31 @@ def _named(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
         case.check({name: value})
         found[case.name(path)] = value
     return found
+
+
+def check_above_ground(case: Case, values: Mapping[str, Any], paired: bool = False) -> None:
+    """Raise `ValueError` where a launch would not be above the ground that ends the flight.
+
+    Args:
+        case: the base.
+        values: by name, those that are varied and fixed; of each any that there may be.
+        paired: whether the n-th values of all go together, else every combination is meant.
+    """
+    given = {case.path(name): np.asarray(value) for name, value in values.items()}
+    for k, end in enumerate(case.ends):
+        if isinstance(end, Ground):
+            launched = given.get("launch.height", np.asarray(case.launch.height))
+            level = given.get(f"ends[{k}].level", np.asarray(end.level))
+            if not paired:
+                launched, level = launched.min(), level.max()
+            launched, level = np.broadcast_arrays(launched, level)
+            under = np.flatnonzero(launched <= level)
+            if under.size:
+                height, ground = launched.flat[under[0]], level.flat[under[0]]
+                raise ValueError(
+                    f"height = {height:g} m is not allowed: the launch must be above the "
+                    f"ground at {ground:g} m that ends the flight"
+                )
 
 
 def _check_single(case: Case, name: str, path: str) -> None:

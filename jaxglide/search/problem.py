@@ -17,7 +17,7 @@ from .._lib.defaults import SEARCH_TOLERANCE
 from .._lib.fingerprint import fingerprint
 from .._lib.records import encode
 from .._lib.types import Array, Float, Scalar
-from ..ensemble.study import base_of, fixed_case
+from ..ensemble.study import base_of, check_above_ground, fixed_case
 from ..flight.case import Case
 from ..flight.dynamics import Glider
 from ..flight.ends import AbstractEnd
@@ -184,6 +184,7 @@ class Problem:
                     raise ValueError(f"{name} is both free and fixed")
         if len(taken) < len(free) + len(fixed):
             raise ValueError(f"{', '.join((*free, *fixed))} name one float twice")
+        check_above_ground(case, fixed | free)
         for name in ("rtol", "atol"):
             check_range(name, getattr(self, name), "", 0, 0.1, low_open=True, shape=())
         check_range("max_time", self.max_time, "s", 0, 1e4, low_open=True, shape=())

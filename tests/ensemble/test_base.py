@@ -16,10 +16,12 @@ from jaxglide import (
     Ground,
     Launch,
     Polar,
+    Problem,
     Snake,
     TabulatedBody,
     TimeLimit,
     UniformWind,
+    landing_distance,
     simulate,
 )
 from jaxglide.ensemble import sweep as module
@@ -290,3 +292,19 @@ def test_a_part_of_a_study_flies_the_same_base(study):
         assert some.columns(np.array([0]))[name].tolist() == [values[1]]
         assert eqx.tree_equal(some.base, one.base)
         assert some.times == one.times
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda: Study({"height": [2.0, 0.5], "nu_theta": [1.3]}, ends=Ground(1.0)),
+        lambda: Study({"ends[0].level": [0.0, 3.0]}, fixed={"height": 2.0}),
+        lambda: Study(cases={"height": [3.0, 1.0], "level": [2.0, 1.0]}),
+        lambda: Problem(landing_distance, {"height": (1.0, 5.0)}, fixed={"level": 1.5}),
+    ],
+)
+def test_a_launch_below_the_ground_is_no_case(ask):
+    """It would count as landed, after no time at all."""
+    with pytest.raises(ValueError, match=r"^height = \S+ m is not .* above the ground at \d"):
+        ask()
+    Study(cases={"height": [3.0, 1.0], "level": [2.0, 0.5]})

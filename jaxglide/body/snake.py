@@ -40,7 +40,10 @@ def mass_from_length(svl):
 
     Socha and LaBarbera 2005, doi:10.1242/jeb.01579.
     """
-    return 1e-3 * jnp.exp(-9.94919177 + 3.19831074 * jnp.log(100 * svl))
+    xp = (
+        jnp if is_traced(svl) else np
+    )  # two operations of JAX cost a tenth of a second at first
+    return 1e-3 * xp.exp(-9.94919177 + 3.19831074 * xp.log(100 * svl))
 
 
 def _by_length(snake: "Snake") -> Scalar:
@@ -165,7 +168,7 @@ class Snake(AbstractBody):
             **fields: any other field of `Snake`.
         """
         check_range("svl", svl, "m", 0, 100, low_open=True, shape=())
-        mass = mass_from_length(jnp.asarray(svl, float)) if mass is None else mass
+        mass = mass_from_length(svl) if mass is None else mass
         return cls(svl, mass, **fields)
 
     def sections(self) -> Sections:

@@ -47,7 +47,7 @@ def mass_from_length(svl):
 
 
 def _by_length(snake: "Snake") -> Scalar:
-    return mass_from_length(snake.length)
+    return jnp.asarray(mass_from_length(snake.length))
 
 
 class Snake(AbstractBody):

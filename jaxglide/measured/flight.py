@@ -88,7 +88,7 @@ class MeasuredFlight:
 
     @property
     def d_psi(self) -> float:
-        """Dorsoventral bending: mean slope of the vertical angle [rad per SVL]."""
+        """Dorsoventral bending, the mean slope of the vertical angle [rad per SVL]."""
         return float(self.bending.slope.mean())
 
     @property

@@ -38,7 +38,7 @@ MOMENT_PHASES = 60
 """Phases at which moments are read, as published."""
 
 PHASES = int(TUNNEL["phases"].low), int(TUNNEL["phases"].high)
-"""Fewest and most phases: with fewer than four, left and right alone are compared."""
+"""Fewest and most phases; with fewer than four, left and right alone are compared."""
 
 _STILL = 1e-12
 """Peak-to-peak [N m] below this share of the force [N] is round-off."""

@@ -1,4 +1,4 @@
-"""The page of experiments: every command is run, and its tables are those of the page.
+"""The pages of findings: every command is run, and its tables are those of the pages.
 
 The quick tests see that nothing is left out. The others run the commands at full size; those
 that take the better part of an hour also want JAXGLIDE_LONG set.
@@ -17,7 +17,8 @@ import pytest
 from claims import agree, claimed, commands, section, sentence, table
 from places import ROOT
 
-PAGE = (ROOT / "experiments" / "README.md").read_text()
+FINDINGS = ROOT / "docs" / "findings"
+PAGE = "\n".join(path.read_text() for path in sorted(FINDINGS.glob("*.md")))
 FLIGHTS = os.environ.get("JAXGLIDE_FLIGHTS")
 SEARCHES = 0.02  # by how much searches may differ between machines, as the page says
 TUMBLES = 0.01  # and by how much what it gives as a range
@@ -84,8 +85,18 @@ def test_every_script_and_picture_is_there():
     scripts = {path.name for path in (ROOT / "experiments").glob("*.py")} - {"common.py"}
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
-    for path in re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE):
-        assert (ROOT / "experiments" / path).exists(), path
+    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
+    assert len(pictures) == 16
+    for path in pictures:
+        assert (FINDINGS / path).exists(), path
+
+
+def test_the_folder_of_the_scripts_leads_to_the_pages():
+    text = (ROOT / "experiments" / "README.md").read_text()
+    links = re.findall(r"\]\(([^)#]+)", text)
+    assert len(links) == 3
+    for path in links:
+        assert path == "../docs/validation.md" or (ROOT / "experiments" / path).exists(), path
 
 
 def test_claims_are_read_as_they_are_written():

@@ -40,7 +40,7 @@ def test_an_example_runs_and_says_how_it_went(name, monkeypatch, capsys):
 
 def test_every_example_is_listed_and_run_and_leaves_the_package_alone():
     assert {path.stem for path in FOLDER.glob("*.py")} == set(SAYS)
-    page = (ROOT / "experiments" / "README.md").read_text()
+    page = (ROOT / "docs" / "findings" / "index.md").read_text()
     assert set(re.findall(r"`own_parts/(\w+)\.py` \|", page)) == set(SAYS)
     for path in FOLDER.glob("*.py"):
         code = path.read_text()

@@ -9,7 +9,7 @@ import re
 from latex2mathml.converter import convert
 from sphinx.domains.math import MathDomain
 
-_CITED = re.compile(r"\beqs?\.? (?=\d)(?P<list>\d+(?:(?:[-–]|, )\d+)*)")
+_CITED = re.compile(r"\beqs?\.? (?=\d)(?P<list>\d+(?:(?:[-–]|, )\d+)*)")  # noqa: RUF001
 
 
 class PaperNumbers(MathDomain):

@@ -1,7 +1,10 @@
 """References that Sphinx does not find itself: other projects' names, without fetching their
 inventories, as the build needs no network; and names of ours without their module."""
 
+import sys
+
 from docutils import nodes
+from sphinx.addnodes import desc_signature
 from sphinx.util.nodes import make_refnode
 
 _PAGES = {
@@ -52,6 +55,19 @@ def _last_name(app, env, node, content, target):
     return make_refnode(app.builder, node["refdoc"], page.docname, page.node_id, content)
 
 
+def mark(app, doctree):
+    """Anchors by the facade's path and by the full one: pages of source link to either."""
+    for signature in doctree.findall(desc_signature):
+        module, name = signature.get("module") or "", signature.get("fullname")
+        if not module.startswith("jaxglide"):
+            continue
+        found = getattr(sys.modules.get(module), name.partition(".")[0], None)
+        for place in ("jaxglide", getattr(found, "__module__", module)):
+            if f"{place}.{name}" not in signature["ids"]:
+                signature["ids"].append(f"{place}.{name}")
+
+
 def setup(app):
+    app.connect("doctree-read", mark)
     app.connect("missing-reference", resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

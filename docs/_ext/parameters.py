@@ -13,7 +13,7 @@ _PUBLIC = {id(getattr(jaxglide, name)) for name in jaxglide.__all__}
 
 
 def _end(value: float) -> str:
-    return f"{value:g}".replace("inf", "∞").replace("-", "−")
+    return f"{value:g}".replace("inf", "∞").replace("-", "−")  # noqa: RUF001
 
 
 def _range(known) -> str:

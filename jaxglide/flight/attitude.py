@@ -39,7 +39,7 @@ def euler_angles(R_BI: Mat3) -> Vec3:
 
 
 def angle_rates(angles: Vec3, omega_B: Vec3) -> Vec3:
-    """Rates of yaw, pitch, roll [rad/s], shape (3,) (eq. 22).
+    """Rates of yaw, pitch, roll [rad/s], shape (3,) (eqs 21-22).
 
     Args:
         angles: yaw, pitch, roll [rad], shape (3,); singular at pitch = +-90 degrees.

@@ -220,7 +220,7 @@ def elements(time: Scalar, state: State, flight: Flight) -> Elements:
 
 @eqx.filter_jit
 def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
-    """Rate of the state in free flight.
+    """Rate of the state in free flight (eqs 4-5, 16-17, 22).
 
     The rotational equation I omega' = M_A - omega x (I omega) - [I'] omega - omega x h
     - [h'] is written as the moment of the air minus that of every element's inertia,

@@ -57,12 +57,12 @@ def over_nodes(vectors: Nodes3) -> Vec3:
 
 
 def moment_of(position: Nodes3, vectors: Nodes3) -> Vec3:
-    """Sum over nodes of position x vector, (3,)."""
+    """Sum over nodes of position x vector, (3,): of forces their moment (eq. 18)."""
     return over_nodes(cross(position, vectors))
 
 
 def angular_momentum(sections: Sections, body: Backbone) -> Vec3:
-    """Angular momentum of the shape change, sum m r x r' [kg m^2/s], (3,)."""
+    """Angular momentum of the shape change, sum m r x r' [kg m^2/s], (3,) (eq. 19)."""
     momentum = moment_of(body.position, sections.mass * body.velocity)
     if sections.axial_inertia is None:
         return momentum
@@ -70,7 +70,7 @@ def angular_momentum(sections: Sections, body: Backbone) -> Vec3:
 
 
 def shape_moment(sections: Sections, body: Backbone) -> Nodes3:
-    """Rate of every element's share of that momentum, m r x r'' [N m], (3, n)."""
+    """Rate of every element's share of that momentum, m r x r'' [N m], (3, n) (eq. 20)."""
     moment = cross(body.position, sections.mass * body.acceleration)
     if sections.axial_inertia is None:
         return moment

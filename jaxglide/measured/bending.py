@@ -32,7 +32,7 @@ class MeasuredBending(NamedTuple):
 def bending_angles(
     backbone: MeasuredBackbone, times: np.ndarray, frames: np.ndarray, vent: int, svl: float
 ) -> MeasuredBending:
-    """Bending angles in inertial axes, with the mean attitude of each frame taken away.
+    """Bending angles in inertial axes (eq. 1), less the mean attitude of each frame.
 
     Args:
         backbone: the body.

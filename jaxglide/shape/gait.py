@@ -27,7 +27,7 @@ def _on_the_line(gait: "Gait") -> Scalar:
 
 
 class Gait(AbstractMotion):
-    """An aerial serpenoid gait, angles in radians; see `from_degrees`.
+    """An aerial serpenoid gait (eqs 2-3, 6-7), angles in radians; see `from_degrees`.
 
     Its waves run at a constant rate, in closed form. Where they are to change in flight, see
     `Driven`.
@@ -149,7 +149,7 @@ def wave_phase(gait: Gait, phi_theta, time) -> tuple[Scalar, Scalar]:
 def waves(
     gait: Gait, neck_fraction: Scalar, fraction: Nodes, phase: ArrayLike, phase_rate: ArrayLike
 ) -> Bending:
-    """Bending angles of both waves, with exact time derivatives.
+    """Bending angles of both waves (eqs 2-3, 6-7), with exact time derivatives.
 
     In the neck, the angles of the wave at its end ramp linearly to zero at the snout
     (eqs 9-12): the wave is taken at max(s, s_neck) and scaled by min(s/s_neck, 1).

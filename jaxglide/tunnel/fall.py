@@ -122,7 +122,7 @@ class Tunnel(NamedTuple):
 
 
 def mean_acceleration(velocity: Vec3, tunnel: Tunnel, place: Any = 0.0) -> Vec3:
-    """Acceleration by the phase-averaged force and weight, inertial axes [m/s^2], (3,)."""
+    """Acceleration by phase-averaged force and weight (eq. 4), inertial axes [m/s^2], (3,)."""
     glider, sections, angles, phases = tunnel
     launched = jnp.zeros_like(velocity[0])
 

@@ -178,7 +178,7 @@ def loads(
     phases: int = MOMENT_PHASES,
     per_element: bool = False,
 ) -> Loads:
-    """Forces and moments by phase at a velocity and attitude.
+    """Forces and moments (eqs 18, 20) by phase at a velocity and attitude.
 
     Args:
         glider: what is in the tunnel, at the origin.

@@ -14,11 +14,12 @@ SAYS = {
     "robot": ["battery at 0.28 m", "landed", "battery at 0.36 m", "landed"],
     "gust": ["Glide from 0.3 m: landed"] * 2,
     "aerodynamics": ["Glide from 0.3 m: landed"] * 2,
+    "polar": ["Glide from 0.3 m: landed"] * 2,
     "end": ["Glide from 0.3 m: reached the tree", "Glide from 0.3 m: landed"],
     "law": ["Glide from 0.3 m: landed"] * 2,
     "sweep_trim_gradient": ["growth", "trim at body.point_position[0] = 0.", "by growth: "],
 }
-LONG = {"robot", "aerodynamics", "end", "law", "sweep_trim_gradient", "waveform"}
+LONG = {"robot", "aerodynamics", "polar", "end", "law", "sweep_trim_gradient", "waveform"}
 
 
 @pytest.mark.parametrize(

@@ -67,6 +67,7 @@ def arguments(description: str | None) -> Options:
     if not (given.out or given.force or given.resume) and any(out.iterdir()):
         ways = "give a folder with --out, --force to replace them, or --resume to go on"
         parser.exit(2, f"jaxglide: {out} holds results: {ways}\n")
+    print(f"jaxglide: results go to {out}", file=sys.stderr)
     return Options(out, given.resume, given.size)
 
 

@@ -8,4 +8,6 @@ answer `--help` at once and set up JAX before anything loads it.
 
 import lazy_loader
 
+from ._lib.version import VERSION as __version__  # noqa: F401
+
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -96,6 +96,8 @@ from .tunnel import (
     velocity_polar,
 )
 
+__version__: str
+
 __all__ = [
     "AbstractAerodynamics",
     "AbstractAir",

@@ -3,9 +3,9 @@
 CF: the conventions for climate and forecast metadata, which much software reads.
 """
 
-from importlib import metadata
-
 import xarray as xr
+
+from .version import VERSION as PACKAGE_VERSION
 
 VERSION = 2
 """Of the formats of all results; those of version 1 did not say which they are."""
@@ -44,12 +44,11 @@ def marked(data: xr.Dataset, kind: str) -> xr.Dataset:
         known = data[name].attrs if name in data.variables else {}
         if ("flag_values" if standard == "status_flag" else "units") in known:
             known["standard_name"] = standard
-    version = metadata.version("jaxglide")
     return data.assign_attrs(
         format=f"jaxglide {kind} {VERSION}",
         title=TITLES[kind],
         Conventions=CONVENTIONS,
-        history=f"computed by jaxglide {version}",
+        history=f"computed by jaxglide {PACKAGE_VERSION}",
     )
 
 

@@ -5,44 +5,30 @@ import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from importlib import import_module
 
 from .._lib.writing import WriteError
-from ._options import Parser, UsageError, check_output, check_ranges
+from ._help import COMMANDS, FIRST_STEPS, Root
+from ._options import UsageError, check_output, check_ranges
 from ._setup import configure
 
 __all__ = ["configure", "main"]
 
-COMMANDS = {
-    "glide": "fly one glide",
-    "shapes": "fly the published shape space",
-    "sweep": "fly any study: a grid or a list of cases, resumable",
-    "windtunnel": "hold the attitude, let the snake fall, read the moments",
-    "trim": "find the bend, or another gait parameter, without pitch moment",
-    "gradient": "the gradient of an objective, with its check",
-    "optimise": "search for the best gait by gradients",
-    "measure": "from motion capture to gait",
-    "compare": "measured flights beside their simulations",
-    "plot": "draw a saved result",
-    "view": "look at a glide in 3D",
-    "figure": "make a published figure with its table",
-}
 
-
-def _parser(words: Sequence[str] | None = None) -> Parser:
+def _parser(words: Sequence[str] | None = None) -> Root:
     """The parser, with the options of the command that `words` name; of all without words."""
-    named = COMMANDS if words is None else [w for w in words if w in COMMANDS][:1]
-    parser = Parser(
-        prog="jaxglide",
-        description="The flight dynamics of flying snakes, as a differentiable model.",
-    )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, text in COMMANDS.items():
-        if name in named:
-            import_module(f".{name}", __name__).add(commands)
-        else:
-            commands.add_parser(name, help=text)
-    return parser
+    known = {name for names in COMMANDS.values() for name in names}
+    named = known if words is None else [word for word in words if word in known][:1]
+    root = Root(_parser)
+    for names in COMMANDS.values():
+        for name, text in names.items():
+            if name in named:
+                new = partial(root.commands.add_parser, name, help=text)
+                import_module(f".{name}", __name__).add(new)
+            else:
+                root.commands.add_parser(name, help=text)
+    return root
 
 
 @contextlib.contextmanager
@@ -84,6 +70,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         with _standard_output():
             configure()
             words = sys.argv[1:] if argv is None else argv
+            if not words:
+                print(FIRST_STEPS, end="")
+                return 0
             args = _parser(words).parse_args(words)
             check_output(args)
             check_ranges(args)

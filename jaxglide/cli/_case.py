@@ -21,6 +21,7 @@ from ..flight.ends import Outcome
 from ..flight.glide import simulate
 from ..flight.launch import Launch
 from ..loads.aerodynamics import LaggingCirculation
+from ._help import number_help
 from ._options import UsageError, a_number, by_name, pair, three, whole
 
 TOLERANCE: float = inspect.signature(simulate).parameters["rtol"].default
@@ -36,7 +37,7 @@ _FOLLOWS = {
     "theta_m": "on the shape line",
     "mass": "from the length",
     "speed": "from wing loading",
-    "gyration": "none: all mass lies on the backbone",
+    "gyration": "none, all mass lies on the backbone",
 }
 _SOLVER = {
     name: Parameter("", f"{kind} tolerance", low=0, high=0.1, low_open=True)
@@ -87,15 +88,12 @@ def add_number(
         told: the same in words, for the help.
         kind: `a_number`, `whole` or `three`.
     """
-    told = default if told is None else told
-    unit = f" [{known.unit}]" if known.unit else ""
-    words = "" if told is None else f" ({told if isinstance(told, str) else f'{told:.4g}'})"
     group.add_argument(
         f"--{name.replace('_', '-')}",
         type=kind,
         metavar={whole: "N", three: "X,Y,Z"}.get(kind, "X"),
         default=default,
-        help=f"{known.meaning}{unit}{words}",
+        help=number_help(known, default if told is None else told, kind is three),
     )
     checks = group.get_default("checks")
     group.set_defaults(checks={**checks, name: partial(check_number, known=known)})
@@ -110,11 +108,12 @@ def check_number(option: str, value: Any, known: Any) -> Any:
     return value
 
 
-def add_tolerances(parser: argparse.ArgumentParser, default: float = TOLERANCE) -> None:
-    """How a glide is solved."""
+def add_tolerances(parser: argparse.ArgumentParser, default: float = TOLERANCE) -> Any:
+    """How a glide is solved; returns the group of options."""
     group = parser.add_argument_group("solver")
     for name, known in _SOLVER.items():
         add_number(group, name, known, default)
+    return group
 
 
 def add_glider(parser: argparse.ArgumentParser, held: float | None = None) -> None:
@@ -160,12 +159,13 @@ def add_setup(
     polar, node_set = usual.get("polar", parts.POLARS[0]), usual.get("node_set", sets[0])
     text = f"{', '.join(parts.POLARS)}, or a table (.csv) of angle_of_attack [deg], lift, drag"
     group.add_argument(
-        "--polar", type=_polar, default=polar, metavar="NAME", help=f"{text} ({polar})"
+        "--polar", type=_polar, default=polar, metavar="NAME", help=f"{text} (default: {polar})"
     )
-    group.add_argument("--node-set", choices=sets, default=node_set, help=f"({node_set})")
+    text = f"places of the nodes (default: {node_set})"
+    group.add_argument("--node-set", choices=sets, default=node_set, help=text)
     low, high = NODES_RANGE
-    nodes = Parameter("", "nodes", low=low, high=high)
-    add_number(group, "nodes", nodes, told="70; gauss: 60", kind=whole)
+    nodes = Parameter("", "nodes along the body", low=low, high=high)
+    add_number(group, "nodes", nodes, told="70, gauss: 60", kind=whole)
     _add_parts(parser, held)
 
 
@@ -182,14 +182,14 @@ def _add_parts(parser: argparse.ArgumentParser, held: bool) -> None:
             continue
         known = parameters_of(kind)[field]
         of_number = three if name in _VECTORS else a_number
-        told = known.default if "_" in name else None
+        told = known.default if "_" in name else "none"
         add_number(group, name, known, told=told, kind=of_number)
     if held:
         return
     seed = Parameter("", "which turbulence", low=0, high=2**63 - 1)
     add_number(group, "turbulence_seed", seed, told="0", kind=whole)
     text = f"what ends the flight: {_ENDS.replace('nor', 'or')}; may be repeated. Beside the "
-    text += "ground and 85 deg of any angle, or in place of these; ground=none takes it away"
+    text += "default, ground=0 and angle=85, or in place of these; ground=none takes it away"
     group.add_argument("--end", action="append", default=[], metavar="KIND=VALUE", help=text)
 
 
@@ -331,8 +331,9 @@ def add_objective(parser: argparse.ArgumentParser) -> None:
 
     group = parser.add_argument_group("problem")
     names, usual = tuple(OBJECTIVES), "landing_distance"
-    group.add_argument("--objective", choices=names, default=usual, help=f"({usual})")
-    text = "parameters, separated by commas (theta_m,nu_theta,d_psi)"
+    text = f"what is to become better (default: {usual})"
+    group.add_argument("--objective", choices=names, default=usual, help=text)
+    text = "parameters, separated by commas (default: theta_m,nu_theta,d_psi)"
     group.add_argument("--free", default="theta_m,nu_theta,d_psi", metavar="NAMES", help=text)
     text = "another parameter's value; may be repeated"
     group.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help=text)

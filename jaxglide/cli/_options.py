@@ -35,12 +35,12 @@ class _Once(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
-class _Append(argparse.Action):
+class _Append(argparse._AppendAction):
     """Add a value to those given before; `args.given` knows of it too."""
 
     def __call__(self, parser, namespace, values, option_string=None):
         namespace.given = {**namespace.given, self.dest: option_string}
-        setattr(namespace, self.dest, [*(getattr(namespace, self.dest) or ()), values])
+        super().__call__(parser, namespace, values, option_string)
 
 
 _NEGATIVE = re.compile(r"-\.?\d")  # -1,0,0 is a value too, as -1 is
@@ -128,8 +128,11 @@ def add_output(
     save: bool = True,
     plot: bool = True,
     endings: tuple[str, ...] = ("",),
-) -> None:
-    """Options of files and JSON; `endings` tell the figures of --plot apart, if several."""
+) -> Any:
+    """Options of files and JSON; `endings` tell the figures of --plot apart, if several.
+
+    Returns the group of options.
+    """
     group = parser.add_argument_group("output")
     if save:
         text = "write a NetCDF file (.nc)"
@@ -146,6 +149,7 @@ def add_output(
         parser.set_defaults(plot=None)
     group.add_argument("--json", action="store_true", help="print one JSON object instead")
     parser.set_defaults(plot_endings=endings)
+    return group
 
 
 def check_ranges(args) -> None:
@@ -231,6 +235,24 @@ def drawn_files(args) -> list[Path]:
     if args.plot is None:
         return []
     return [args.plot.with_stem(args.plot.stem + end) for end in args.plot_endings]
+
+
+def say_where(args, *options: str) -> None:
+    """Say where the results of a long run will be, before it starts.
+
+    On standard error, and like its progress only where somebody can see it.
+
+    Args:
+        args: of the command line.
+        options: those that name files, `store` or `save`.
+    """
+    if not sys.stderr.isatty():
+        return
+    places = [getattr(args, name) for name in options if name != "plot"]
+    found = [str(path) for path in (*places, *drawn_files(args)) if path is not None]
+    ways = " or ".join(f"--{name}" for name in options)
+    told = f"results go to {', '.join(found)}" if found else f"nothing is kept without {ways}"
+    print(f"jaxglide: {told}", file=sys.stderr)
 
 
 def write(data, figure, args) -> None:

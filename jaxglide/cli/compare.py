@@ -6,11 +6,12 @@ from .._lib.defaults import CHOICES
 from .._lib.writing import make_folder
 from ._options import UsageError, a_number, add_output, print_json, write, write_drawing
 
+_MEANING = {"polar": "force coefficients", "node_set": "places of the nodes"}
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    compare = commands.add_parser(
-        "compare",
+
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    compare = new(
         description="Fly every measured flight from its measured start with its measured gait, "
         "and compare the paths (the paper's figure 3). DATA is a folder of recordings, as for "
         "`jaxglide measure`, or a file that it saved.",
@@ -21,15 +22,16 @@ def add(commands) -> None:
     for name in ("polar", "node_set"):
         choices = CHOICES[name]
         flag = f"--{name.replace('_', '-')}"
-        group.add_argument(flag, choices=choices, default=choices[0], help=f"({choices[0]})")
+        text = f"{_MEANING[name]} (default: {choices[0]})"
+        group.add_argument(flag, choices=choices, default=choices[0], help=text)
     for name in ("lift", "drag"):
-        text = f"multiplier on the {name} coefficient (1)"
+        text = f"multiplier on the {name} coefficient (0 to 100; default: 1)"
         group.add_argument(
             f"--{name}-scale", type=a_number, default=1.0, metavar="X", help=text
         )
     text = "draw the comparison into this folder (PNG)"
-    compare.add_argument("--plots", type=Path, metavar="FOLDER", help=text)
-    add_output(compare, plot=False)
+    output = add_output(compare, plot=False)
+    output.add_argument("--plots", type=Path, metavar="FOLDER", help=text)
     compare.set_defaults(run=_run)
 
 

@@ -26,18 +26,23 @@ _FIGURES = {
 }
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    figure = commands.add_parser(
-        "figure",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    figure = new(
         description="Run one of the scripts in experiments/.",
     )
-    figure.add_argument("name", metavar="NAME", choices=_FIGURES, help=", ".join(_FIGURES))
-    figure.add_argument("--out", metavar="FOLDER", help="(results/NAME of the script)")
+    figure.add_argument(
+        "name", metavar="NAME", choices=tuple(_FIGURES), help=", ".join(_FIGURES)
+    )
+    group = figure.add_argument_group("output")
+    text = "where tables and figures go (default: results/ and the name of the script)"
+    group.add_argument("--out", metavar="FOLDER", help=text)
     text = "replace the results in the default folder"
-    figure.add_argument("--force", action="store_true", help=text)
-    figure.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
-    figure.add_argument("--size", type=whole, metavar="N", help="size, where it can be chosen")
+    group.add_argument("--force", action="store_true", help=text)
+    group = figure.add_argument_group("run")
+    group.add_argument("--resume", action="store_true", help="keep stores, go on if killed")
+    text = "size, where it can be chosen (at least 32; default: the script's)"
+    group.add_argument("--size", type=whole, metavar="N", help=text)
     figure.set_defaults(run=_run, save=None, plot=None)
 
 

@@ -8,17 +8,17 @@ from ._options import add_output, print_json, write
 _SOLVERS = ("dopri5", "tsit5", "dopri8", "bosh3")
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    glide = commands.add_parser(
-        "glide",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    glide = new(
         description="Fly one glide until it lands or an angle reaches 85 degrees.",
         epilog="Exit code: 0 for a computed glide, landed or unstable; 1 if it could not be "
         "computed to its end; 2 for wrong input.",
     )
     add_glider(glide)
-    add_tolerances(glide)
-    glide.add_argument("--solver", choices=_SOLVERS, default="dopri5", help="(dopri5)")
+    solver = add_tolerances(glide)
+    text = "Runge-Kutta method (default: dopri5)"
+    solver.add_argument("--solver", choices=_SOLVERS, default="dopri5", help=text)
     add_output(glide)
     glide.set_defaults(run=_run)
 

@@ -12,10 +12,9 @@ _ONE_SIDED = (-25 / 12, 4.0, -3.0, 4 / 3, -1 / 4)
 """Weights of the differences of fourth order at 0 to 4 steps."""
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "gradient",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    parser = new(
         description="The exact gradient of an objective with respect to chosen parameters, in "
         "their units, beside differences of glides solved at 1e-11.",
     )

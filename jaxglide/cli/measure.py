@@ -29,21 +29,21 @@ ratios: vertical to horizontal; var: variance that the first mode explains;
 filled: positions of markers that were not seen; gap: the longest"""
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    measure = commands.add_parser(
-        "measure",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    measure = new(
         description="Measure the gait, path and launch of recorded flights, as the published "
         "study did. DATA is a copy of the study's public data, a folder laid out like it, or "
         "one of NAME.csv files with NAME.toml or body.toml (see jaxglide/measured/tabular.py).",
         epilog="Example: jaxglide measure flights --save gaits.nc --plots figures",
     )
     measure.add_argument("data", metavar="DATA", type=Path, help="folder of recordings")
-    text = "only this recording; may be repeated"
-    measure.add_argument("--trial", action="append", metavar="NAME", help=text)
+    group = measure.add_argument_group("recordings")
+    text = "only this recording; may be repeated (default: all)"
+    group.add_argument("--trial", action="append", metavar="NAME", help=text)
     text = "draw every flight and the gaits of all into this folder (PNG)"
-    measure.add_argument("--plots", type=Path, metavar="FOLDER", help=text)
-    add_output(measure, plot=False)
+    output = add_output(measure, plot=False)
+    output.add_argument("--plots", type=Path, metavar="FOLDER", help=text)
     measure.set_defaults(run=_run)
 
 

@@ -6,7 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from .._lib.defaults import GRADIENT_SETUP, SEARCH_TOLERANCE
-from ._case import add_objective, add_setup, add_tolerances, base_of, case_of, fixed_of, free_of
+from .._lib.fields import Parameter
+from ._case import (
+    add_number,
+    add_objective,
+    add_setup,
+    add_tolerances,
+    base_of,
+    case_of,
+    fixed_of,
+    free_of,
+)
 from ._options import (
     UsageError,
     add_output,
@@ -15,18 +25,29 @@ from ._options import (
     drawn_files,
     pair,
     print_json,
+    say_where,
     whole,
     write,
     write_drawing,
 )
 
-_EFFORT = ("starts", "screen", "steps", "polish", "optimiser", "seed")
+# as `optimum.optimise` has them, which takes a second to load
+EFFORT = {
+    name: Parameter("", text, low=low, high=high, default=default)
+    for name, text, low, high, default in (
+        ("starts", "starts", 1, 100_000, 64),
+        ("screen", "gaits flown first, the best are the starts; 0: none", 0, 10_000_000, 512),
+        ("steps", "most steps", 1, 1_000_000, 100),
+        ("polish", "most rounds of sampling around the best three", 0, 1_000_000, 20),
+        ("seed", "which starts", 0, 2**63 - 1, 0),
+    )
+}
+"""How much is done: the numbers of a search."""
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        "optimise",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    parser = new(
         description="Make an objective as good as it can be, from many starts at once, under a "
         "margin of stability. Ctrl-C ends with the best so far.",
         epilog="Example: jaxglide optimise --free theta_m,nu_theta,d_psi --bounds "
@@ -39,32 +60,30 @@ def add(commands) -> None:
         action="append",
         default=[],
         metavar="NAME=LOW:HIGH",
-        help="bounds of a free parameter (the observed range)",
+        help="bounds of a free parameter (within its range; default: as observed in animals); "
+        "may be repeated",
     )
-    text = "least margin to 85 degrees in yaw, pitch and roll [deg] (10); 'none' for none"
+    text = "least margin to 85 degrees in yaw, pitch and roll [deg] (any number, or none; "
+    text += "default: 10)"
     group.add_argument("--margin", default="10", metavar="X", help=text)
-    text = "least distance between parts of the body, in its greatest chords (1); 'none'"
-    group.add_argument("--clearance", default="1", metavar="X", help=text)
-    group.add_argument("--starts", type=whole, metavar="N", help="starts (64)")
+    text = "least distance between parts of the body [greatest chords] (any number, or none; "
+    group.add_argument("--clearance", default="1", metavar="X", help=f"{text}default: 1)")
     group.add_argument(
         "--guess",
         action="append",
         default=[],
         metavar="NAME=X,...",
-        help="a point to start from too, of all free parameters; may be given again",
+        help="a point to start from too, of all free parameters; may be repeated",
     )
-    text = "gaits flown first, of which the best are the starts; 0 for none (512)"
-    group.add_argument("--screen", type=whole, metavar="N", help=text)
-    group.add_argument("--steps", type=whole, metavar="N", help="most steps (100)")
-    text = "most rounds of sampling around the best three at the end (20)"
-    group.add_argument("--polish", type=whole, metavar="N", help=text)
-    group.add_argument("--optimiser", choices=("adam", "lbfgs"), help="(adam)")
-    group.add_argument("--seed", type=whole, metavar="N", help="of the starts (0)")
-    text = "keep evaluations here; the same command goes on from them"
-    group.add_argument("--log", type=Path, metavar="FILE", help=text)
+    for name, known in EFFORT.items():
+        add_number(group, name, known, told=known.default, kind=whole)
+    text = "rule of the steps (default: adam)"
+    group.add_argument("--optimiser", choices=("adam", "lbfgs"), help=text)
     add_tolerances(parser, SEARCH_TOLERANCE)
     add_setup(parser, GRADIENT_SETUP)
-    add_output(parser, endings=("", "_paths", "_glides"))
+    output = add_output(parser, endings=("", "_paths", "_glides"))
+    text = "keep evaluations here; the same command goes on from them"
+    output.add_argument("--log", type=Path, metavar="FILE", help=text)
     parser.set_defaults(run=_run)
 
 
@@ -184,8 +203,11 @@ def _run(args) -> int:
     from ..search.problem import Evaluator
 
     problem, sense = _problem(args), OBJECTIVES[args.objective].sense
+    say_where(args, "log", "save", "plot")
     screener = Evaluator(problem, gradients=False)
-    effort = {name: getattr(args, name) for name in _EFFORT if name in args.given}
+    effort = {
+        name: getattr(args, name) for name in (*EFFORT, "optimiser") if name in args.given
+    }
     try:
         found = optimise(
             problem, **effort, guesses=_guesses(args), log=args.log, screener=screener

@@ -5,10 +5,9 @@ from pathlib import Path
 from ._options import UsageError, _suffix, add_force, by_name, out_of, writable, write_drawing
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    plot = commands.add_parser(
-        "plot",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    plot = new(
         description="Draw what a NetCDF file or a sweep's Zarr store holds: by default the "
         "figure that shows the whole of it, or else one of its variables.",
         epilog="Examples: jaxglide plot glide.nc --variable lift; jaxglide plot bends.nc "
@@ -16,14 +15,16 @@ def add(commands) -> None:
     )
     plot.add_argument("file", metavar="FILE", type=Path, help="file (.nc) or store (.zarr)")
     text = "figure to write (.png, .pdf, .svg); by default FILE's name with .png, here"
-    plot.add_argument("--out", metavar="FILE", type=Path, help=text)
+    output = plot.add_argument_group("output")
+    output.add_argument("--out", metavar="FILE", type=Path, help=text)
+    add_force(output)
+    group = plot.add_argument_group("what to draw", "By default the figure that shows it all.")
     text = "variable to draw; of a glide also waves, theta, psi, body, bends and forces"
-    add_force(plot)
-    plot.add_argument("--variable", metavar="NAME", help=text)
-    plot.add_argument("--x", metavar="NAME", help="dimension across")
-    plot.add_argument("--y", metavar="NAME", help="dimension up")
+    group.add_argument("--variable", metavar="NAME", help=text)
+    group.add_argument("--x", metavar="NAME", help="dimension across")
+    group.add_argument("--y", metavar="NAME", help="dimension up")
     text = "where, in another dimension; may be repeated"
-    plot.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help=text)
+    group.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help=text)
     plot.set_defaults(run=_run, save=None, plot=None, json=False)
 
 

@@ -6,20 +6,20 @@ import time
 from .._lib.fields import parameters_of
 from ..flight.launch import Launch
 from ._case import add_number, add_tolerances, computed
-from ._options import add_output, print_json, write
+from ._options import add_output, print_json, say_where, write
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    shapes = commands.add_parser(
-        "shapes",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    shapes = new(
         description="Fly the 121 published shapes, frozen and undulating, and lay the table "
         "beside the published one.",
         epilog="Exit code: 0, or 1 if a glide could not be computed to its end, 2 for wrong "
         "input.",
     )
-    add_number(shapes, "height", parameters_of(Launch)["height"], 10.0)
-    shapes.add_argument(
+    group = shapes.add_argument_group("flights")
+    add_number(group, "height", parameters_of(Launch)["height"], 10.0)
+    group.add_argument(
         "--check",
         action="store_true",
         help="solve again at 1e-9 and name the shapes whose stability flips (about a minute)",
@@ -32,6 +32,7 @@ def add(commands) -> None:
 def _run(args) -> int:
     from ..ensemble.published import borderline, shape_space, summary
 
+    say_where(args, "save", "plot")
     begin = time.perf_counter()
     data = shape_space(args.height, rtol=args.rtol, atol=args.atol)
     took = time.perf_counter() - begin

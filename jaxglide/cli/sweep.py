@@ -22,35 +22,37 @@ from ._options import (
     by_name,
     print_json,
     refuse,
+    say_where,
     whole,
     write,
 )
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    sweep = commands.add_parser(
-        "sweep",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    sweep = new(
         description="Fly every combination of the varied parameters. Started again with the "
         "same study and --store, it computes only what is missing.",
         epilog="Example: jaxglide sweep --vary nu_theta=1:1.5:11 --vary d_psi=0,10,20 "
         "--fix height=75 --store results/bend.zarr --save bend.nc",
     )
-    sweep.add_argument("file", nargs="?", type=Path, help="study file (TOML)")
-    sweep.add_argument(
+    sweep.add_argument("file", nargs="?", metavar="FILE", type=Path, help="study file (TOML)")
+    group = sweep.add_argument_group("study", "The same as in a study file.")
+    group.add_argument(
         "--vary",
         action="append",
         default=[],
         metavar="NAME=VALUES",
-        help="a parameter and its values: a,b,c or start:stop:count",
+        help="a parameter and its values: a,b,c or start:stop:count; may be repeated",
     )
-    sweep.add_argument(
-        "--fix", action="append", default=[], metavar="NAME=VALUE", help="another value"
-    )
-    sweep.add_argument("--store", type=Path, metavar="FOLDER", help="keep results here (Zarr)")
-    width = Parameter("", "glides per batch", low=1, high=10**6)
-    add_number(sweep, "width", width, kind=whole)
-    sweep.add_argument("--cluster", metavar="ADDRESS", help="scheduler of a Dask cluster")
+    text = "another parameter's value; may be repeated"
+    group.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help=text)
+    group = sweep.add_argument_group("run")
+    text = "keep results here (Zarr), to go on from them"
+    group.add_argument("--store", type=Path, metavar="FOLDER", help=text)
+    width = Parameter("", "glides per batch", low=1, high=10**7)
+    add_number(group, "width", width, told="chosen for the devices", kind=whole)
+    group.add_argument("--cluster", metavar="ADDRESS", help="scheduler of a Dask cluster")
     add_setup(sweep)
     add_tolerances(sweep)
     add_output(sweep, plot=False)
@@ -95,6 +97,7 @@ def _run(args) -> int:
     from ..ensemble.sweep import sweep
 
     study = _study(args)
+    say_where(args, "store", "save")
     begin = time.perf_counter()
     data = sweep(study, args.store, width=args.width, cluster=args.cluster)
     took = time.perf_counter() - begin

@@ -9,10 +9,9 @@ HELD_SPEED = PUBLISHED_LAUNCH[1]
 _BEND = -20.0, 20.0  # deg per SVL
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    trim = commands.add_parser(
-        "trim",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    trim = new(
         description="Find the value of a parameter at which the pitch moment, averaged "
         "over the phases of the waves at the end of a held glide, vanishes. Without --speed "
         "the glide starts at the published 1.7 m/s, without --polar it is flown on the "
@@ -23,11 +22,14 @@ def add(commands) -> None:
     add_glider(trim, held=HELD_SPEED)
     group = trim.add_argument_group("trim")
     group.add_argument(
-        "--parameter", default="d_psi", metavar="NAME", help="what is varied (d_psi)"
+        "--parameter", default="d_psi", metavar="NAME", help="what is varied (default: d_psi)"
     )
-    text = "of the range, in the parameter's unit (-20 and 20 deg of bend, else as observed)"
-    group.add_argument("--low", type=a_number, metavar="X", help=f"lower end {text}")
-    group.add_argument("--high", type=a_number, metavar="X", help="upper end")
+    for end, words, bend in (("low", "lower", _BEND[0]), ("high", "upper", _BEND[1])):
+        text = (
+            f"{words} end of the scan (within the parameter's range; default: as observed in "
+        )
+        text += f"animals, of a bend {bend:g})"
+        group.add_argument(f"--{end}", type=a_number, metavar="X", help=text)
     add_output(trim, save=False)
     trim.set_defaults(run=_run)
 

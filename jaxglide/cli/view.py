@@ -4,38 +4,44 @@ import re
 import sys
 from pathlib import Path
 
-from ._case import add_glider, add_tolerances, case_of, computed, replaced
+from .._lib.fields import Parameter
+from ._case import add_glider, add_number, add_tolerances, case_of, computed, replaced
 from ._options import UsageError, a_number, add_force, out_of, pair, refuse, writable
 
 _KINDS = (".html", ".gif", ".mp4", ".png")
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    view = commands.add_parser(
-        "view",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    view = new(
         description="Fly a glide and write a file that plays it: an interactive page (.html), "
         "an animation (.gif, .mp4) or a still (.png).",
         epilog="Example: jaxglide view --compare f_theta=0 --out undulation.html",
     )
     add_glider(view)
     add_tolerances(view)
+    _add_output(view)
+    view.set_defaults(run=_run, save=None, plot=None, json=False)
+
+
+def _add_output(view) -> None:
+    """What is written, and of what."""
     group = view.add_argument_group("output")
     text = "another glide in the same view, with this parameter changed; may be repeated"
     group.add_argument(
         "--compare", action="append", default=[], metavar="NAME=VALUE", help=text
     )
-    text = "file to write: .html, .gif, .mp4 or .png (glide.html)"
+    text = "file to write: .html, .gif, .mp4 or .png (default: glide.html)"
     group.add_argument("--out", type=Path, metavar="FILE", help=text)
     add_force(group)
-    group.add_argument("--title", help="heading (says from where the glide starts)")
-    text = "frames a second: of flight for .html (60), of the animation for .gif and .mp4 (20)"
+    group.add_argument("--title", help="heading (default: from where the glide starts)")
+    text = "frames a second: of flight for .html (above 0 to 1,000; default: 60), of the "
+    text += "animation for .gif and .mp4 (1 to 50; default: 20)"
     group.add_argument("--frames-per-second", type=a_number, metavar="X", help=text)
-    text = "seconds of flight shown in a second of .gif and .mp4 (0.25)"
-    group.add_argument("--playback", type=a_number, default=0.25, metavar="X", help=text)
-    text = "time in flight of a .png [s] (at 40 %% of the glide)"
+    text = "seconds of flight shown in a second of .gif and .mp4"
+    add_number(group, "playback", Parameter("", text, low=0, high=10, low_open=True), 0.25)
+    text = "time in flight of a .png [s] (0 to the end; default: at 40 %% of the glide)"
     group.add_argument("--at", type=a_number, metavar="X", help=text)
-    view.set_defaults(run=_run, save=None, plot=None, json=False)
 
 
 def _changes(args) -> list[tuple[str, float]]:

@@ -19,10 +19,9 @@ _TUNNEL = {
 }
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    tunnel = commands.add_parser(
-        "windtunnel",
+def add(new) -> None:
+    """Options of the command; `new` makes its parser."""
+    tunnel = new(
         description="Let the snake fall with its attitude held, and read the moments of the "
         "air and of its own inertia over the phases of its waves at the ground. Without "
         "--speed it starts at the published 1.7 m/s, without --polar on the published polar.",

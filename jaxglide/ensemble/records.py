@@ -15,6 +15,7 @@ import xarray as xr
 
 from .._lib.formats import marked
 from .._lib.units import labelled
+from .._lib.version import VERSION
 from ..flight.dynamics import ANGLES, OMEGA, POSITION, RIGID, VELOCITY
 from .plan import AbstractPlan
 
@@ -49,9 +50,9 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str, bool]] = {
 
 def versions() -> dict[str, str]:
     """Versions of this package, of what it computes with, and of Python."""
-    names = ("jaxglide", "jax", "jaxlib", "diffrax", "equinox", "optimistix", "numpy")
+    names = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "numpy")
     found = {f"version_{name}": metadata.version(name) for name in names}
-    return {**found, "version_python": platform.python_version()}
+    return {"version_jaxglide": VERSION, **found, "version_python": platform.python_version()}
 
 
 def stamp(data: xr.Dataset, settings: Mapping[str, Any], kind: str) -> xr.Dataset:

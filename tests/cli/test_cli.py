@@ -146,7 +146,7 @@ def check_error(arguments, name):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "arguments are required: COMMAND"),
+        (("--json",), "arguments are required: COMMAND"),
         (("fly",), "invalid choice: 'fly'"),
         (("glide", "--height", "ten"), "argument --height: 'ten' is not a number"),
         (("glide", "--height", "nan"), "argument --height: 'nan' is not a finite number"),

@@ -129,7 +129,7 @@ def test_the_help_names_the_defaults_of_optimise(capsys):
     text = " ".join(capsys.readouterr().out.split())
     for name in ("starts", "steps", "polish", "seed"):
         default = inspect.signature(optimise).parameters[name].default
-        assert re.search(rf"--{name} N [^(]*\({default}\)", text), name
+        assert re.search(rf"--{name} N [^(]*\([^)]*default: {default}\)", text), name
 
 
 def test_a_torn_log_goes_on_and_a_damaged_one_is_named(capsys, tmp_path, flown):

@@ -34,6 +34,7 @@ READERS = {
     "_lib.documents",
     "_lib.formats",
     "_lib.units",
+    "_lib.version",
 }  # which load neither JAX nor any other module
 
 MODULES = sorted(ROOT.rglob("*.py"))

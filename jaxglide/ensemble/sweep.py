@@ -10,20 +10,12 @@ import numpy as np
 import xarray as xr
 
 from .._lib.checks import check_integer, check_kind, warn_float32
+from .._lib.progress import progress_bar
 from .batch import default_width, solve
 from .layout import blank, bytes_of
 from .records import study_dataset
 from .store import check_memory, opened, precision
 from .study import Study
-
-
-def progress_bar(total: int, unit: str, show: bool | None, done: int = 0):
-    """A bar with rate and time left: on a terminal and in a notebook, silent when piped."""
-    from tqdm.auto import tqdm
-
-    notebook = "notebook" in tqdm.__module__
-    disable = None if show is None and not notebook else show is False
-    return tqdm(total=total, initial=done, unit=unit, disable=disable, smoothing=0.1)
 
 
 def sweep(

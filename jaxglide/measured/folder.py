@@ -4,8 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm.auto import tqdm
-
+from .._lib.progress import progress_bar
 from .flight import MeasuredFlight, measure
 from .recording import Recording, RecordingError
 from .study_folder import read_study, study_files
@@ -56,5 +55,9 @@ def measure_folder(
     for trial, count in Counter(trials).items():
         if count > 1:
             raise RecordingError(f"the recording {trial!r} is named {count} times")
-    bar = tqdm(trials, unit="flight", disable=None if progress else True)
-    return [measure(read_recording(folder, trial)) for trial in bar]
+    flights = []
+    with progress_bar(len(trials), "flight", None if progress else False) as bar:
+        for trial in trials:
+            flights.append(measure(read_recording(folder, trial)))
+            bar.update()
+    return flights

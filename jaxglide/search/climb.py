@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..ensemble.sweep import progress_bar
+from .._lib.progress import progress_bar
 from .ascent import Ascent, Best, sobol
 from .history import labelled, row
 from .journal import Journal

@@ -33,6 +33,7 @@ READERS = {
     "_lib.columns",
     "_lib.documents",
     "_lib.formats",
+    "_lib.progress",
     "_lib.units",
     "_lib.version",
 }  # which load neither JAX nor any other module

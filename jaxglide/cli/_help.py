@@ -95,6 +95,7 @@ class _Completion(argparse.Action):
     def __call__(self, parser, namespace, values, option_string=None):
         import shtab
 
+        assert isinstance(parser, Root)
         root = parser.whole()
         places = {"FILE": shtab.FILE, "FOLDER": shtab.DIRECTORY, "DATA": shtab.FILE}
         for one in (root, *root.commands.choices.values()):

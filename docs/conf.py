@@ -72,6 +72,7 @@ nb_execution_show_tb = True
 nb_merge_streams = True
 if tags.has("short"):  # noqa: F821
     nb_execution_excludepatterns = ["tutorials/*", "howto/*", "start.md"]
+    suppress_warnings += ["myst-nb.lexer"]  # a page that has not run knows no language
 
 # Kernels start in folders of their own; they share what JAX has compiled, and use all cores.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_CACHE / "compiled"))

@@ -6,10 +6,13 @@ docstring says "eq. 23" or "eqs 14-15", each number links to the theory.
 
 import re
 
+from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 from sphinx.domains.math import MathDomain
 
-_CITED = re.compile(r"\beqs?\.? (?=\d)(?P<list>\d+(?:(?:[-–]|, )\d+)*)")  # noqa: RUF001
+_CITED = re.compile(
+    r"\b(?P<word>eqs?\.?\s+)(?=\d)(?P<list>\d+(?:(?:[-–]|,\s+)\d+)*)"  # noqa: RUF001
+)
 
 
 class PaperNumbers(MathDomain):
@@ -23,7 +26,7 @@ class PaperNumbers(MathDomain):
 
 def _inline(self, node):
     self.body.append(convert(node.astext()))
-    raise_skip()
+    raise SkipNode
 
 
 def _block(self, node):
@@ -35,12 +38,6 @@ def _block(self, node):
         self.add_permalink_ref(node, "Permalink to this equation")
         self.body.append("</span>")
     self.body.append("</div>\n")
-    raise_skip()
-
-
-def raise_skip():
-    from docutils.nodes import SkipNode
-
     raise SkipNode
 
 
@@ -48,12 +45,12 @@ def cite(app, what, name, obj, options, lines):
     """Turn citations of equations in a docstring into links; a bar is a bar."""
 
     def links(match):
-        return "eq. " + re.sub(r"\d+", lambda number: f":eq:`eq-{number[0]}`", match["list"])
+        linked = re.sub(r"\d+", lambda number: f":eq:`eq-{number[0]}`", match["list"])
+        return match["word"] + linked
 
-    for n, line in enumerate(lines):
-        words = line.split("`")  # every second one is code
-        words[::2] = [_CITED.sub(links, word).replace("|", r"\|") for word in words[::2]]
-        lines[n] = "`".join(words)
+    words = "\n".join(lines).split("`")  # every second one is code
+    words[::2] = [_CITED.sub(links, word).replace("|", r"\|") for word in words[::2]]
+    lines[:] = "`".join(words).split("\n")
 
 
 def setup(app):

@@ -132,6 +132,14 @@ class Gust(AbstractAir):
 
     Raises:
         ValueError: a value is not finite or out of range.
+
+    Examples:
+        >>> import jax.numpy as jnp
+        >>> from jaxglide import Gust
+        >>> gust = Gust([0, 0, 2], gust_start=1.0, gust_length=2.0)  # it rises
+        >>> places = jnp.array([[0, 0], [1.5, 2.0], [5, 5]])  # x, y, z of two elements
+        >>> print(gust.wind(places, 0.0)[2])
+        [1. 2.]
     """
 
     velocity: Vec3 = eqx.field(

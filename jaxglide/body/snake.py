@@ -166,6 +166,12 @@ class Snake(AbstractBody):
             svl: snout-vent length [m].
             mass: mass [kg]; by default from the length (`mass_from_length`).
             **fields: any other field of `Snake`.
+
+        Examples:
+            >>> from jaxglide import Snake
+            >>> snake = Snake.from_svl(0.70, node_set="gauss", nodes=60)
+            >>> print(f"{1e3 * snake.mass:.2f} g")
+            38.05 g
         """
         check_range("svl", svl, "m", 0, 100, low_open=True, shape=())
         mass = mass_from_length(svl) if mass is None else mass

@@ -58,6 +58,18 @@ class TabulatedBody(AbstractBody):
         TypeError: a value is not a number.
         ValueError: the stations do not rise from 0, arrays differ in length, a value is out
             of range, or the body has no mass.
+
+    Examples:
+        >>> from jaxglide import TabulatedBody
+        >>> robot = TabulatedBody(
+        ...     position=[0, 0.4, 0.8],  # m
+        ...     chord=[0.03, 0.05, 0.02],  # m
+        ...     density=[0.03, 0.05, 0.02],  # kg/m
+        ...     point_position=[0.3],
+        ...     point_mass=[0.015],  # kg
+        ... )
+        >>> print(f"{robot.length:.2f} m, {1e3 * robot.mass:.1f} g")
+        0.80 m, 45.0 g
     """
 
     position: Float[Array, " K"] = eqx.field(

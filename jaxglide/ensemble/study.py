@@ -65,6 +65,12 @@ class Study(AbstractPlan):
     Raises:
         TypeError: a part of another type.
         ValueError: an unknown name, a value out of range, or lengths that differ.
+
+    Examples:
+        >>> from jaxglide import Study
+        >>> study = Study({"nu_theta": [1.0, 1.2, 1.4], "d_psi": [0, 10]}, fixed={"height": 2})
+        >>> len(study)
+        6
     """
 
     grid: Mapping[str, Any] | None = None

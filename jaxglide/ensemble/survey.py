@@ -98,6 +98,12 @@ def survey(
 
     Raises:
         ValueError: a wrong argument.
+
+    Examples:
+        >>> from jaxglide import Study, survey
+        >>> data = survey(Study({"d_psi": [0, 10]}, fixed={"height": 2}))
+        >>> print(dict(data.sizes))
+        {'d_psi': 2, 'record': 30, 'forward_up': 2, 'phase': 60, 'about': 3, 'turn': 3}
     """
     _check_study(study)
     held = check_angles(angles, phases)

@@ -45,6 +45,14 @@ def sweep(
     Raises:
         ValueError: a wrong argument, or a store that is not this study's (`StoreError`).
         OSError: the store cannot be read or written, or the cluster fails.
+
+    Examples:
+        >>> from jaxglide import Study, sweep
+        >>> study = Study({"nu_theta": [1.0, 1.4], "d_psi": [0, 10]}, fixed={"height": 2})
+        >>> data = sweep(study)
+        >>> print(data.landing_point.sel(axis="y").values.round(3))
+        [[1.325 1.291]
+         [1.319 1.298]]
     """
     check_kind("study", study, Study)
     warn_float32(study.rtol, study.atol)

@@ -52,6 +52,14 @@ def open(path: str | Path) -> Any:
         FileNotFoundError: there is nothing of that name.
         ValueError: it is damaged, of version 0.1, or no result of jaxglide; one sentence says
             which.
+
+    Examples:
+        >>> import jaxglide
+        >>> from jaxglide import Study, sweep
+        >>> study = Study({"nu_theta": [1.0, 1.4], "d_psi": [0, 10]}, fixed={"height": 2})
+        >>> data = sweep(study, "map.zarr")
+        >>> jaxglide.open("map.zarr").equals(data)
+        True
     """
     path = Path(path)
     if not path.exists():
@@ -95,6 +103,13 @@ def save(result: "xr.Dataset | AbstractTrajectory", path: str | Path) -> Path:
         ValueError: a flight kept no trajectory or is a batch, a Dataset says no format, or
             the name does not end in .nc.
         OSError: the file cannot be written.
+
+    Examples:
+        >>> import jaxglide
+        >>> from jaxglide import Study, sweep
+        >>> data = sweep(Study({"nu_theta": [1.0, 1.4], "d_psi": [0, 10]}, fixed={"height": 2}))
+        >>> print(jaxglide.save(data, "map.nc"))
+        map.nc
     """
     import xarray as xr
 

@@ -65,6 +65,14 @@ class Glider(Part):
         TypeError: a part is of another type.
         ValueError: a value in it is not allowed, or a straight body has no inertia about its
             own axis (see `Snake.gyration`).
+
+    Examples:
+        >>> from jaxglide import Gait, Glider, Polar, Snake, UniformWind
+        >>> glider = Glider(Snake.from_svl(0.70), Gait.from_degrees(), Polar.smooth())
+        >>> air = UniformWind([0, -1, 0])
+        >>> windy = Glider(glider.body, glider.gait, glider.aerodynamics, air)
+        >>> print(type(windy.aerodynamics).__name__, windy.air.velocity)
+        SweepTheory [ 0. -1.  0.]
     """
 
     body: AbstractBody

@@ -123,6 +123,12 @@ class AngleLimit(AbstractEnd):
 
     Raises:
         ValueError: a limit out of range, or another name.
+
+    Examples:
+        >>> from jaxglide import AngleLimit, Ground
+        >>> ends = Ground(), AngleLimit.degrees(60, ("pitch", "roll"))
+        >>> print([word for end in ends for word in end.words])
+        ['landed', 'unstable in pitch', 'unstable in roll']
     """
 
     limit: Scalar = eqx.field(
@@ -219,6 +225,16 @@ class End(AbstractEnd):
     Raises:
         TypeError: that is no function.
         ValueError: it gives another shape than one number.
+
+    Examples:
+        >>> import jax.numpy as jnp
+        >>> from jaxglide import End
+        >>> def above_the_pond(time, state):
+        ...     return state[2] - 0.5
+        ...
+        >>> pond = End(above_the_pond, "reached the pond")
+        >>> print(pond(0.0, jnp.arange(13.0)), pond.words)
+        [1.5] ('reached the pond',)
     """
 
     function: Callable[..., Any] = eqx.field(converter=as_module)

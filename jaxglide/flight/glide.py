@@ -189,6 +189,14 @@ def simulate(
         ValueError: an argument is not finite, out of range or of the wrong shape (fly many
             at once by `vmap`); the message names it.
         TypeError: an argument is of the wrong type.
+
+    Examples:
+        >>> from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
+        >>> body, gait = Snake.from_svl(0.70), Gait.from_degrees(nu_theta=1.4)
+        >>> glider = Glider(body, gait, Polar.smooth())
+        >>> glide = simulate(glider, Launch(height=2.0))
+        >>> print(f"{glide.ending} {glide.landing_point[1]:.3f} m forward")
+        landed 1.298 m forward
     """
     launch = Launch() if launch is None else launch
     check_glider(glider)

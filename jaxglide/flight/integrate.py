@@ -118,6 +118,15 @@ def integrate(
         ValueError: an argument is not finite, out of range or of the wrong shape; the message
             names it.
         TypeError: an argument is of the wrong type.
+
+    Examples:
+        >>> from jaxglide import Gait, Glider, Ground, Polar, Snake, integrate
+        >>> body, gait = Snake.from_svl(0.70), Gait.from_degrees(nu_theta=1.4)
+        >>> glider = Glider(body, gait, Polar.smooth())
+        >>> state = [0, 0, 1, 0, 2, -3, 0, 0, 0, 1, 0, 0, 0]  # at 1 m, forward and down
+        >>> flight = integrate(glider, state, 0.0, 1.0, ends=Ground())
+        >>> print(f"{flight.ending} after {flight.time:.3f} s")
+        landed after 0.267 s
     """
     check_glider(glider)
     state = number("state")(state)

@@ -43,6 +43,13 @@ class Launch(Part):
 
     Raises:
         ValueError: a value is not finite or out of range.
+
+    Examples:
+        >>> import math
+        >>> from jaxglide import Launch
+        >>> launch = Launch(height=5.0, speed=2.0, elevation=math.radians(10))
+        >>> print(launch.height, launch.phi_theta)  # the phase follows from the gait
+        5.0 None
     """
 
     height: Scalar = eqx.field(

@@ -170,6 +170,17 @@ def reconstruct(glide: AbstractTrajectory, times=None) -> Elements:
 
     Raises:
         ValueError: the glide kept no trajectory, or a time lies outside it.
+
+    Examples:
+        >>> from jaxglide import Gait, Glider, Launch, Polar, Snake, reconstruct, simulate
+        >>> body, gait = Snake.from_svl(0.70), Gait.from_degrees(nu_theta=1.4)
+        >>> glider = Glider(body, gait, Polar.smooth())
+        >>> glide = simulate(glider, Launch(height=2.0), times=[0.2, 0.4])
+        >>> elements = reconstruct(glide)
+        >>> elements.aerodynamics.lift.shape  # times, elements
+        (2, 70)
+        >>> print(elements.aerodynamics.lift.sum(axis=1).round(4))  # N
+        [0.0355 0.0642]
     """
     check_single(check_kind("glide", glide, AbstractTrajectory))
     if times is None:

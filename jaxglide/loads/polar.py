@@ -219,6 +219,16 @@ class Polar(AbstractPolar):
     Raises:
         ValueError: a value is not finite, out of range or of the wrong shape, or the drag
             at a cell's corner is below 0.
+
+    Examples:
+        >>> import math
+        >>> from jaxglide import Polar
+        >>> for polar in (Polar.published(), Polar.smooth()):
+        ...     lift, drag = polar(math.radians(22.5), 9000.0)
+        ...     print(f"{lift:.4f} {drag:.4f}")
+        ...
+        1.1194 0.6188
+        1.1385 0.6153
     """
 
     cells: Float[Array, "72 6 2 k k"] = eqx.field(

@@ -31,6 +31,16 @@ class TabulatedPolar(AbstractPolar):
         TypeError: a value is not a number.
         ValueError: angles or Reynolds numbers that do not rise, or coefficients of another
             shape or range.
+
+    Examples:
+        >>> import math
+        >>> from jaxglide import TabulatedPolar
+        >>> angles = [math.radians(a) for a in (-10, 0, 30, 60)]
+        >>> lift, drag = [[-0.5], [0], [1.2], [0.9]], [[0.4], [0.3], [0.7], [1.4]]
+        >>> polar = TabulatedPolar(angles, [5000], lift, drag)
+        >>> lift, drag = polar(math.radians(15), 7000.0)
+        >>> print(f"{lift:.2f} {drag:.2f}")
+        0.60 0.50
     """
 
     angle_of_attack: Float[Array, " A"] = eqx.field(

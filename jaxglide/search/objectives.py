@@ -78,6 +78,12 @@ def varied(
 
     Raises:
         ValueError: lengths that differ, factors not above 0; in a trial, an unknown name.
+
+    Examples:
+        >>> from jaxglide import landing_distance, varied
+        >>> robust = varied(landing_distance, {"lift_scale": [0.9, 1.1]}, how="worst")
+        >>> robust.unit
+        'm'
     """
     check_choice("how", how, ("mean", "worst"))
     for name, values in factors.items():

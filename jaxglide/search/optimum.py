@@ -155,6 +155,13 @@ def optimise(
         ValueError: a wrong argument, the log of another optimisation, or a damaged one.
         OSError: the log cannot be written (`WriteError`), or another process is at work on
             it (`BusyError`).
+
+    Examples:
+        >>> from jaxglide import Problem, landing_distance, optimise
+        >>> problem = Problem(landing_distance, {"d_psi": (0, 20)}, fixed={"height": 2})
+        >>> best = optimise(problem, starts=2, screen=0, steps=8, polish=0, progress=False)
+        >>> print(f"{best.value:.2f} m at {best.best['d_psi']:.0f} degrees per SVL")
+        1.32 m at 2 degrees per SVL
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem = {problem!r} is not a Problem")

@@ -138,6 +138,17 @@ class Problem:
     Raises:
         ValueError: an unknown name, bounds out of range or without room between them.
         TypeError: what is no objective, constraint or case.
+
+    Examples:
+        >>> from jaxglide import Problem, landing_distance, stability_margin
+        >>> problem = Problem(
+        ...     landing_distance,
+        ...     {"d_psi": (-10, 40), "nu_theta": (1, 1.5)},
+        ...     [stability_margin.at_least(10, scale=10)],
+        ...     fixed={"height": 5},
+        ... )
+        >>> problem.names
+        ('d_psi', 'nu_theta')
     """
 
     objective: Objective

@@ -185,6 +185,20 @@ class Actuated(AbstractDrive):
     Raises:
         TypeError: a value is not a number, or the law is no function.
         ValueError: a value is not allowed, or the law gives another number of inputs.
+
+    Examples:
+        >>> import jax.numpy as jnp
+        >>> from jaxglide import Actuated, Driven, Gait, Serpenoid
+        >>> Serpenoid().coordinates  # inputs, of which the last is the rate of the phase [Hz]
+        ('theta_m', 'psi_m', 'nu_theta', 'd_psi', 'd_theta', 'phase')
+        >>> def bend_after_a_second(time, observation):
+        ...     d_psi = jnp.where(time < 1.0, 0.0, 0.2)
+        ...     return jnp.stack([1.7, 0.35, 1.4, d_psi, 0.0, 1.2])
+        ...
+        >>> drive = Actuated(bend_after_a_second, Gait.from_degrees(), natural_frequency=25.0)
+        >>> motion = Driven(Serpenoid(), drive)
+        >>> print(motion.drive.natural_frequency)
+        25.0
     """
 
     law: Callable[..., Any] = eqx.field(converter=as_module)

@@ -117,6 +117,12 @@ class Gait(AbstractMotion):
             theta_m: horizontal amplitude [deg]; by default on the published shape line.
             psi_m, d_psi, d_theta: [deg].
             nu_theta, f_theta: as in `Gait`.
+
+        Examples:
+            >>> from jaxglide import Gait
+            >>> gait = Gait.from_degrees(nu_theta=1.2, d_psi=0)
+            >>> print(f"{gait.theta_m:.4f} rad, on the shape line")
+            1.8816 rad, on the shape line
         """
         if theta_m is None:
             check_range("nu_theta", nu_theta, "", 0, 10, shape=())

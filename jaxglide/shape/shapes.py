@@ -88,6 +88,19 @@ class Waveform(AbstractShape):
     Raises:
         TypeError: `angles` is no function.
         ValueError: names that stand twice or in another order, or `angles` gives other shapes.
+
+    Examples:
+        >>> import jax.numpy as jnp
+        >>> from jaxglide import Driven, Running, Waveform
+        >>> def angles(x, q):
+        ...     amplitude, waves, phase = q
+        ...     theta = amplitude * jnp.sin(2 * jnp.pi * waves * x + phase)
+        ...     return theta, jnp.zeros_like(x)
+        ...
+        >>> shape = Waveform(angles, ("amplitude", "waves", "phase"))
+        >>> gait = Driven(shape, Running([1.6, 1.4, 1.2]))  # at 1.2 Hz
+        >>> print(gait.shape.names)
+        ('amplitude', 'waves', 'phase')
     """
 
     angles: Callable[..., Any] = eqx.field(converter=as_module)

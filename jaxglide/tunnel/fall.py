@@ -242,6 +242,14 @@ def fall(
 
     Raises:
         ValueError: an argument is not finite or out of range; the message names it.
+
+    Examples:
+        >>> from jaxglide import Gait, Glider, Launch, Polar, Snake, fall
+        >>> body, gait = Snake.from_svl(0.70), Gait.from_degrees(nu_theta=1.4)
+        >>> glider = Glider(body, gait, Polar.smooth())
+        >>> held = fall(glider, Launch(height=2.0))
+        >>> print(f"{held.time:.3f} s, {held.state[0]:.3f} m forward")
+        0.713 s, 1.302 m forward
     """
     launch = Launch(*PUBLISHED_LAUNCH) if launch is None else launch
     check_glider(glider)

@@ -226,6 +226,15 @@ def equilibrium(
 
     Raises:
         ValueError: an argument is not finite or out of range.
+
+    Examples:
+        >>> import math
+        >>> from jaxglide import Gait, Glider, Polar, Snake, equilibrium
+        >>> body, gait = Snake.from_svl(0.70), Gait.from_degrees(nu_theta=1.4)
+        >>> glider = Glider(body, gait, Polar.smooth())
+        >>> steady = equilibrium(glider)
+        >>> print(f"{math.degrees(steady.glide_angle):.1f} degrees below the horizontal")
+        27.6 degrees below the horizontal
     """
     check_glider(glider)
     return _equilibrium(glider, check_angles(angles, phases), phases)

@@ -163,6 +163,15 @@ def trim(
     Raises:
         ValueError: an argument is not finite or out of range, an unknown name, or one of
             several numbers.
+
+    Examples:
+        >>> import math
+        >>> from jaxglide import Gait, Glider, Polar, Snake, trim
+        >>> body, gait = Snake.from_svl(0.70), Gait.from_degrees(nu_theta=1.2)
+        >>> glider = Glider(body, gait, Polar.smooth())
+        >>> found = trim(glider, "d_psi", points=5)
+        >>> print(f"{math.degrees(found.value):.2f} degrees per SVL")
+        17.14 degrees per SVL
     """
     check_glider(glider)
     launch = (

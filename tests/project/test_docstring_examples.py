@@ -1,0 +1,64 @@
+"""The examples in docstrings do what they say; what people call first has one."""
+
+import doctest
+import inspect
+import re
+from operator import attrgetter
+
+import pytest
+
+import jaxglide
+
+MAIN = (
+    "Actuated",
+    "AngleLimit",
+    "End",
+    "Gait.from_degrees",
+    "Glider",
+    "Gust",
+    "Launch",
+    "Polar",
+    "Problem",
+    "Snake.from_svl",
+    "Study",
+    "TabulatedBody",
+    "TabulatedPolar",
+    "Waveform",
+    "fall",
+    "open",
+    "save",
+    "simulate",
+    "sweep",
+    "varied",
+)
+LONG = ("equilibrium", "integrate", "optimise", "reconstruct", "survey", "trim")  # to compile
+
+
+def told():
+    """Names that have examples, of everything public and its own methods."""
+    for name in jaxglide.__all__:
+        thing = getattr(jaxglide, name)
+        methods = vars(thing) if inspect.isclass(thing) else {}
+        public = [f"{name}.{method}" for method in methods if not method.startswith("_")]
+        for path in (name, *public):
+            if ">>>" in (inspect.getdoc(attrgetter(path)(jaxglide)) or ""):
+                yield path
+
+
+@pytest.mark.parametrize(
+    "name", [*MAIN, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
+)
+def test_an_example_prints_what_it_says(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    doc = inspect.getdoc(attrgetter(name)(jaxglide))
+    assert re.search(r"\nExamples:\n", doc), f"{name} has no example"
+    example = doctest.DocTestParser().get_doctest(doc, {}, name, name, 0)
+    assert any(one.want for one in example.examples), "it prints nothing"
+    said = []
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    doctest.DocTestRunner(optionflags=flags).run(example, out=said.append)
+    assert not said, "".join(said)
+
+
+def test_every_example_is_run():
+    assert set(told()) == {*MAIN, *LONG}

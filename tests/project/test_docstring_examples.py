@@ -39,7 +39,12 @@ def told():
     for name in jaxglide.__all__:
         thing = getattr(jaxglide, name)
         methods = vars(thing) if inspect.isclass(thing) else {}
-        public = [f"{name}.{method}" for method in methods if not method.startswith("_")]
+        public = [
+            f"{name}.{method}"
+            for method, value in methods.items()
+            if not method.startswith("_")
+            and (inspect.isroutine(value) or isinstance(value, property | classmethod))
+        ]
         for path in (name, *public):
             if ">>>" in (inspect.getdoc(attrgetter(path)(jaxglide)) or ""):
                 yield path

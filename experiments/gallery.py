@@ -1,4 +1,4 @@
-"""The README's gallery: every picture by the command that stands beside it, made small.
+"""The gallery: every picture by the command that stands beside it, made small.
 
 The commands run in a scratch folder, in order; the pictures go to the folder of results.
 """
@@ -23,7 +23,7 @@ COLOURS = 256
 # A palette is used where no pixel changes by more than this, of 255, and few by more than that.
 UNSEEN, SEEN_OVER_AREAS, FEW = 16, 4, 0.1
 
-# The data that several pictures draw, and then the pictures: the commands of the README.
+# The data that several pictures draw, and then the pictures: the commands of the page.
 DATA = (
     "jaxglide glide --save glide.nc",
     "jaxglide sweep --vary nu_theta=1:1.5:21 --vary d_psi=-20:20:21 --save map.nc",

@@ -74,8 +74,8 @@ def test_every_command_is_run_by_a_test():
     code = (ROOT / "tests/project/test_experiments.py").read_text()
     run_here = set(re.findall(r'run\("(jaxglide [^"]+)"\)', code))
     elsewhere = {
-        "jaxglide figure gallery",  # tests/project/test_readme.py
-        "jaxglide trim",  # there, too
+        "jaxglide figure gallery",  # tests/project/test_gallery.py
+        "jaxglide trim",  # tests/project/test_uses.py
         "jaxglide shapes --check",  # tests/ensemble/test_published.py, at full size
     }
     assert named == run_here | elsewhere

@@ -1,4 +1,4 @@
-"""The 36 measured flights beside their simulations (the paper's figure 3).
+"""The 36 measured flights, their gaits (figure 2) and their simulations (figure 3).
 
 Each is flown from its measured start with its measured gait. The folder of the study's public
 recordings is named by JAXGLIDE_FLIGHTS.
@@ -16,13 +16,50 @@ from jaxglide import Outcome
 from jaxglide.flights.agreement import compare_paths, summary
 from jaxglide.flights.flights import fly_flights
 from jaxglide.plot.flights import distances, every_flight, measured_and_simulated
-from jaxglide.plot.measured import measured_gaits
+from jaxglide.plot.measured import measured_gaits, regression
 
 MODELS: dict[str, Any] = {
     "published polar, nodes 1 cm apart": {"polar": "published", "node_set": "published"},
     "published polar, converged nodes": {"polar": "published", "node_set": "gauss"},
     "smooth polar, converged nodes": {"polar": "smooth", "node_set": "gauss"},
 }
+
+
+OBSERVED = {
+    "nu_theta": (1.0, 1.5),
+    "f_theta": (1.0, 1.7),
+    "theta_m": (80.0, 120.0),
+    "psi_m": (20.0, 45.0),
+    "d_psi": (-20.0, 30.0),
+}
+"""Ranges of the gaits that the paper states."""
+
+
+SHARES = {"horizontal": 88.0, "vertical": 66.0}
+"""Of the variance in the first mode, as the paper states [%]."""
+
+
+def gaits(data) -> list[tuple[str, float, float]]:
+    """What the paper says of its measured gaits: quantity, ours, published."""
+    rows = []
+    for name, of, mean, deviation in (
+        ("spatial", "nu", 1.87, 0.35),
+        ("temporal", "f", 1.98, 0.21),
+    ):
+        ratio = (data[f"{of}_psi"] / data[f"{of}_theta"]).values
+        rows.append((f"{name} frequency, vertical over horizontal", ratio.mean(), mean))
+        rows.append((f"{name} ratio, its standard deviation", spread(ratio), deviation))
+    line = regression(data, "nu_theta", "theta_m")
+    rows += [("theta_m by nu_theta (deg)", line.slope, -66.0)]
+    rows += [("theta_m where nu_theta is 0 (deg)", line.intercept, 188.0)]
+    first = 100 * data.variance.isel(mode=0).mean("trial")
+    rows += [(f"first mode, {w} (%)", first.sel(wave=w), s) for w, s in SHARES.items()]
+    kept = data.modes_kept.sel(wave="vertical").median()
+    rows += [("modes for 95 %, vertical, median", kept, 4.0)]
+    for name, (low, high) in OBSERVED.items():
+        rows.append((f"{name}, lowest", data[name].min(), low))
+        rows.append((f"{name}, highest", data[name].max(), high))
+    return [(name, float(ours), published) for name, ours, published in rows]
 
 
 def spread(distances: np.ndarray) -> float:
@@ -34,6 +71,7 @@ def main() -> None:
     options = arguments(__doc__)
     begin = time.perf_counter()
     data = flights()
+    write_table(options.out / "figure_2", ("quantity", "jaxglide", "published"), gaits(data))
     print(f"{data.sizes['trial']} flights measured in {time.perf_counter() - begin:.1f} s")
     rows = []
     for name, model in MODELS.items():

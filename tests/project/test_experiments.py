@@ -19,6 +19,7 @@ from places import ROOT
 
 FINDINGS = ROOT / "docs" / "findings"
 PAGE = "\n".join(path.read_text() for path in sorted(FINDINGS.glob("*.md")))
+HELPERS = {"common.py", "validation_rows.py"}
 FLIGHTS = os.environ.get("JAXGLIDE_FLIGHTS")
 SEARCHES = 0.02  # by how much searches may differ between machines, as the page says
 TUMBLES = 0.01  # and by how much what it gives as a range
@@ -76,13 +77,14 @@ def test_every_command_is_run_by_a_test():
     elsewhere = {
         "jaxglide figure gallery",  # tests/project/test_gallery.py
         "jaxglide trim",  # tests/project/test_uses.py
+        "jaxglide figure validation",  # tests/project/test_validation.py
         "jaxglide shapes --check",  # tests/ensemble/test_published.py, at full size
     }
     assert named == run_here | elsewhere
 
 
 def test_every_script_and_picture_is_there():
-    scripts = {path.name for path in (ROOT / "experiments").glob("*.py")} - {"common.py"}
+    scripts = {path.name for path in (ROOT / "experiments").glob("*.py")} - HELPERS
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
     pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
@@ -270,6 +272,10 @@ def test_measured_flights(run):
             agree(text, value)
         agree(apart, *record[9:11])
     agree(sentence(PAGE, r"The (\d+) flights of the public"), len(found["every_flight"]))
+    for row, record in zip(table(PAGE, "figure 2"), found["figure_2"], strict=True):
+        assert row[0] == record["quantity"]
+        agree(row[1], record["jaxglide"])
+        agree(row[2], record["published"])
 
 
 @slow

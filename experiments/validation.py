@@ -187,9 +187,6 @@ def moments() -> dict[str, Value]:
         "each_rises": (f"{follow} of 11", follow == 11),
         "trims": (range_, bool((trims > 0).all())),
         "no_means": ("below 1e-9 N mm" if small else f"{others:.1e} N mm", small),
-            "below 1e-9 N mm" if others < 1e-9 else f"{others:.1e} N mm",
-            others < 1e-9,
-        ),
         **_ratios(held, last),
     }
 
@@ -259,7 +256,7 @@ def turning() -> dict[str, Value]:
 
 
 def _cells(page: str, beginning: str) -> list[list[str]]:
-    """Cells of the rows of a page of findings that begin so, without the first; one at least."""
+    """Cells but the first of the rows of a page of findings that begin so; one at least."""
     lines = (FINDINGS / f"{page}.md").read_text().splitlines()
     found = [line for line in lines if line.startswith(f"| {beginning}")]
     if not found:

@@ -85,7 +85,7 @@ def test_agreement_is_told_by_digits_spread_and_share(validation):
         return validation.agreement(row, validation.shown(row, ours))
 
     assert told("1.9", 1.94) == "to the last digit"
-    assert told("1.9", 1.96, "rounded") == "+5.3 %: rounded"
+    assert told("1.9", 1.96, "rounded") == "+3.2 %: rounded"
     assert told("10.14 ± 2.69", 7.6) == "within its spread"
     assert told("10.14 ± 2.69", 5.07, "short") == f"{validation.MINUS}50.0 %: short"
     assert told(f"{validation.MINUS}0.5", -0.45) == "to the last digit"

@@ -60,8 +60,8 @@ The page that a sceptic reads first.
 
 **What agrees.** The model is the paper's. Every share of stable glides in its table S1 is
 met, its path lengths to about 1 % (they are summed one step too far), its mean distances in
-figure 5 to a centimetre, and the moments, launches and paths of its research code to the
-digits printed.
+figure 5 to a centimetre, and the moments, launches and paths of its research code to
+0.05 %.
 
 **What does not.** Some of the paper's sentences are simpler than its model; the rows below
 say which. Above all the model, theirs and so ours, **glides half as far as the animals**, and
@@ -73,8 +73,8 @@ all. Nothing here tests those, and gaits far from the observed ones lean on them
 
 `jaxglide figure validation` writes this page. A row marked † is not computed by it but stands
 on the page of [measured flights](findings/measured.md) or of [fitted
-forces](findings/fitted.md), whose commands need the public recordings. Tests are below
-`tests/`. Reduced models with other equations (Jafari and others, 2014 and 2017) have no
+forces](findings/fitted.md), whose commands need the public recordings. The last
+column numbers the [tests](#tests) that hold the rows. Reduced models with other equations (Jafari and others, 2014 and 2017) have no
 number that this one can be asked for.
 """.replace("-10", f"{MINUS}10")
 
@@ -334,6 +334,7 @@ def agreement(row: Row, ours: str, holds: bool = True) -> str:
 def page(values: dict[str, Value]) -> str:
     """The page, in Markdown."""
     lines, section = [HEAD], ""
+    tests = list(dict.fromkeys(row.test for row in ROWS))
     for row in ROWS:
         if row.section != section:
             section = row.section
@@ -343,10 +344,19 @@ def page(values: dict[str, Value]) -> str:
         ours = shown(row, value)
         told = agreement(row, ours, value[1] if isinstance(value, tuple) else True)
         mark = " †" if row.page else ""
-        cells = row.quantity, row.source, row.published, f"{ours}{mark}", told, f"`{row.test}`"
+        cells = (
+            row.quantity,
+            row.source,
+            row.published,
+            f"{ours}{mark}",
+            told,
+            f"[{tests.index(row.test) + 1}](#tests)",
+        )
         lines.append(f"| {' | '.join(cells)} |")
     lines.append("\n## Sources\n")
     lines += [f"- [{letter}] {text}." for letter, text in SOURCES.items()]
+    lines.append("\n## Tests\n\nBelow `tests/`:\n")
+    lines += [f"{number}. `{test}`" for number, test in enumerate(tests, 1)]
     return "\n".join(lines) + "\n"
 
 

@@ -210,9 +210,9 @@ def _glides() -> Iterator[Row]:
     short = "quasi-steady forces: see [fitted forces](findings/fitted.md)"
     for name, value, key in (
         ("animals from 9.62 m: distance (m)", "10.14 ± 2.69", "animal_distance"),
-        ("sinking speed (m/s)", "6.4 ± 0.8", "animal_sink"),
-        ("horizontal speed (m/s)", "8.1 ± 0.9", "animal_forward"),
-        ("airspeed (m/s)", "10.0 ± 0.9", "animal_speed"),
+        ("sinking speed, ours at the ground (m/s)", "6.4 ± 0.8", "animal_sink"),
+        ("horizontal speed, ours at the ground (m/s)", "8.1 ± 0.9", "animal_forward"),
+        ("airspeed, ours at the ground (m/s)", "10.0 ± 0.9", "animal_speed"),
         ("least glide angle (°)", "28 ± 10", "animal_angle"),
     ):
         yield Row(section, name, "[S] abstract", value, key, THIS, short)

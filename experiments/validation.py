@@ -60,8 +60,7 @@ The page that a sceptic reads first.
 
 **What agrees.** The model is the paper's. Every share of stable glides in its table S1 is
 met, its path lengths to about 1 % (they are summed one step too far), its mean distances in
-figure 5 to a centimetre, and the moments, launches and paths of its research code to
-0.05 %.
+figure 5 to a centimetre, and the moments, launches and paths of its research code to 0.05 %.
 
 **What does not.** Some of the paper's sentences are simpler than its model; the rows below
 say which. Above all the model, theirs and so ours, **glides half as far as the animals**, and
@@ -73,9 +72,9 @@ all. Nothing here tests those, and gaits far from the observed ones lean on them
 
 `jaxglide figure validation` writes this page. A row marked † is not computed by it but stands
 on the page of [measured flights](findings/measured.md) or of [fitted
-forces](findings/fitted.md), whose commands need the public recordings. The last
-column numbers the [tests](#tests) that hold the rows. Reduced models with other equations (Jafari and others, 2014 and 2017) have no
-number that this one can be asked for.
+forces](findings/fitted.md), whose commands need the public recordings. The last column
+numbers the [tests](#tests) that hold the rows. Reduced models with other equations (Jafari
+and others, 2014 and 2017) have no number that this one can be asked for.
 """.replace("-10", f"{MINUS}10")
 
 

@@ -50,7 +50,8 @@ from jaxglide.shape.gait import waves
 from jaxglide.shape.kinematics import backbone
 
 FINDINGS = Path(__file__).resolve().parents[1] / "docs" / "findings"
-PUBLISHED = Glider(Snake.from_svl(0.70), Gait.from_degrees(nu_theta=1.4), Polar.published())
+SNAKE = Snake.from_svl(0.70)
+PUBLISHED = Glider(SNAKE, Gait.from_degrees(nu_theta=1.4), Polar.published())
 Value = float | tuple[str, bool]
 """A number, or a statement's words and whether they bear it out."""
 
@@ -80,7 +81,7 @@ and others, 2014 and 2017) have no number that this one can be asked for.
 
 def animal() -> dict[str, Value]:
     """The body, its waves and its launch."""
-    body = PUBLISHED.body
+    body = SNAKE
     start = take_off(PUBLISHED, Launch(), discretise(body))
     yaw, pitch, roll = map(float, jnp.rad2deg(start.angles))
     return {

@@ -76,6 +76,7 @@ if tags.has("short"):  # noqa: F821
 
 # Kernels start in folders of their own; they share what JAX has compiled, and use all cores.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_CACHE / "compiled"))
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # what XLA says on reading its cache
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # no notes on what is read back
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])

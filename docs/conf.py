@@ -66,6 +66,7 @@ def _of_the_package() -> str:
 _CACHE = HERE / "_cache"
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(_CACHE / _of_the_package())
+nb_execution_in_temp = True  # a folder of its own for every page
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
@@ -78,5 +79,4 @@ if tags.has("short"):  # noqa: F821
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_CACHE / "compiled"))
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # what XLA says on reading its cache
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")
-os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # no notes on what is read back
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])

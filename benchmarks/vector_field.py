@@ -1,4 +1,7 @@
-"""One evaluation of the vector field, alone and per lane in batches, against NumPy."""
+"""One evaluation of the vector field, alone and per lane in batches, against NumPy and C.
+
+One core: `taskset -c 0 python benchmarks/vector_field.py`.
+"""
 
 from typing import Any
 
@@ -8,6 +11,7 @@ from jaxglide.cli import configure
 
 configure()
 
+import c_kernel
 import jax
 import jax.numpy as jnp
 
@@ -43,6 +47,13 @@ def repeated(polar: str, count: int):
     return run
 
 
+def in_c(lanes: int, count: int) -> dict[str, float]:
+    """The same evaluations by the kernel in C, with the published polar."""
+    model = c_kernel.model(Glider(Snake.from_svl(0.7), Gait.from_degrees(nu_theta=1.4)), -0.03)
+    models, states = (c_kernel.Model * lanes)(*[model] * lanes), np.tile(STATE, (lanes, 1))
+    return measure(c_kernel.evaluate, states, models, count, inner=count * lanes)
+
+
 def main() -> None:
     rows = []
     for polar in ("published", "smooth"):
@@ -51,6 +62,11 @@ def main() -> None:
         numpy_time = measure(lambda m=model, y=start: peer.vector_field(0.1, y, m, -0.03))
         rows.append({"polar": polar, "code": "numpy", "lanes": 1, **per_lane(numpy_time, 1)})
         for lanes, count in ((1, 2000), (8, 500), (64, 100), (512, 20)):
+            limit = in_c(lanes, count) if c_kernel.available() else None
+            if limit:
+                rows.append(
+                    {"polar": "published", "code": "C", "lanes": lanes, **per_lane(limit, 1)}
+                )
             run = repeated(polar, count)
             shape = np.full(lanes, 1.4) + 1e-4 * np.arange(lanes)
             if lanes == 1:
@@ -60,7 +76,10 @@ def main() -> None:
                 timing = measure(jax.jit(jax.vmap(run)), states, shape, inner=count * lanes)
             ratio = numpy_time["median_s"] / timing["median_s"]
             row = {"polar": polar, "code": "jaxglide", "lanes": lanes, **per_lane(timing, 1)}
-            rows.append({**row, "times_faster": ratio})
+            row["times_faster_than_numpy"] = ratio
+            if limit:
+                row["times_slower_than_c"] = timing["median_s"] / limit["median_s"]
+            rows.append(row)
     report("vector_field", rows)
 
 

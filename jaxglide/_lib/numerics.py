@@ -5,11 +5,13 @@ scalar library routine per element, while these are branch-free polynomials that
 vectorises (2 ns instead of 14 to 30 ns an element). Both carry their exact derivative.
 """
 
+from collections.abc import Callable, Sequence
 from functools import reduce
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 
 from .types import Array
 
@@ -55,6 +57,27 @@ def _horner(coefficients: tuple[float, ...], z: Array) -> Array:
     return reduce(lambda total, c: total * z + c, coefficients[-2::-1], coefficients[-1])  # type: ignore
 
 
+@jax.custom_jvp
+def once(x: Array) -> Array:
+    """`x`, which is finite, computed once for all that use it.
+
+    XLA's CPU backend computes what is cheap anew for everything that uses it, a gather even
+    for every number that it fetches; what ends in a division it keeps.
+    """
+    return _kept(x, x)
+
+
+def _kept(value: Array, finite: Array) -> Array:
+    """`value`, divided by a one that the compiler does not know for one."""
+    return value / (1 + (finite - finite))
+
+
+@once.defjvp
+def _once_jvp(primals, tangents):
+    (x,), (dx,) = primals, tangents
+    return once(x), _kept(dx, x)
+
+
 @jax.jit  # traced once, however often it is used
 @jax.custom_jvp
 def sincos(x: Array) -> tuple[Array, Array]:
@@ -70,8 +93,8 @@ def sincos(x: Array) -> tuple[Array, Array]:
     odd = (q == 1) | (q == 3)
     sine, cosine = jnp.where(odd, c, s), jnp.where(odd, s, c)
     return (
-        jnp.where(q >= 2, -sine, sine),
-        jnp.where((q == 1) | (q == 2), -cosine, cosine),
+        once(jnp.where(q >= 2, -sine, sine)),
+        once(jnp.where((q == 1) | (q == 2), -cosine, cosine)),
     )
 
 
@@ -79,7 +102,7 @@ def sincos(x: Array) -> tuple[Array, Array]:
 def _sincos_jvp(primals, tangents):
     s, c = sincos(*primals)
     (dx,) = tangents
-    return (s, c), (c * dx, -s * dx)
+    return (s, c), (_kept(c * dx, s), _kept(-s * dx, s))
 
 
 @jax.jit  # traced once, however often it is used
@@ -94,7 +117,7 @@ def arctan2(y: Array, x: Array) -> Array:
     t = numerator / jnp.where(denominator == 0, 1.0, denominator)
     angle = offset + t * _horner(_ARCTAN, t * t)
     angle = jnp.where(x < 0, np.pi - angle, angle)
-    return jnp.where(y < 0, -angle, angle)
+    return once(jnp.where(y < 0, -angle, angle))
 
 
 @arctan2.__wrapped__.defjvp  # type: ignore
@@ -103,13 +126,64 @@ def _arctan2_jvp(primals, tangents):
     dy, dx = tangents
     square = x * x + y * y
     inverse = 1 / jnp.where(square == 0, 1.0, square)
-    return arctan2(y, x), (x * dy - y * dx) * inverse
+    return arctan2(y, x), _kept((x * dy - y * dx) * inverse, x)
 
 
 def safe_sqrt(x: Array) -> Array:
     """Square root with value and gradient 0 where `x` is 0 (x >= 0, any shape)."""
     positive = x > 0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
+
+
+def by_rows(function: Callable, *vectors: Array) -> Array:
+    """`function` of the components along axis 0 one by one, stacked.
+
+    XLA's CPU backend takes a component of a stack apart again, but not of a sum of stacks, and
+    fills a stack that is computed as a whole by a branch an element, without vector
+    instructions.
+    """
+    return jnp.stack([once(function(*row)) for row in zip(*vectors, strict=True)])
+
+
+@jax.custom_jvp
+def rows_times(rows: Sequence[Array], matrix: Array) -> tuple[Array, ...]:
+    """Vectors (n,), each times a matrix (n, n), as one product.
+
+    The rows are written one after the other, where XLA's CPU backend would fill a stack by a
+    branch an element. Of tangents, which are many at once, each row is a product of its own.
+    """
+    filled = jnp.zeros((len(rows), *rows[0].shape), rows[0].dtype)
+    for k, row in enumerate(rows):
+        filled = jax.lax.dynamic_update_slice_in_dim(filled, row[None], k, 0)
+    return tuple(filled @ matrix)
+
+
+def _rows_times_jvp(primals, tangents):
+    (rows, matrix), (row_rates, matrix_rate) = primals, tangents
+    rates = []
+    for row, rate in zip(rows, row_rates, strict=True):
+        parts = []
+        if not isinstance(rate, SymbolicZero):
+            parts.append(rate @ matrix)
+        if not isinstance(matrix_rate, SymbolicZero):
+            parts.append(row @ matrix_rate)
+        rates.append(sum(parts) if parts else jnp.zeros_like(row))
+    return rows_times(rows, matrix), tuple(rates)
+
+
+rows_times.defjvp(_rows_times_jvp, symbolic_zeros=True)
+
+
+@jax.custom_jvp
+def over_last(x: Array) -> Array:
+    """Sum over the last axis, as a product with ones: XLA's CPU backend splits a sum into
+    windows, in three passes over memory, but not a product."""
+    return jnp.dot(x, jnp.ones(x.shape[-1], x.dtype), precision="highest")
+
+
+@over_last.defjvp
+def _over_last_jvp(primals, tangents):
+    return over_last(*primals), jnp.sum(*tangents, axis=-1)
 
 
 def cross(a: Array, b: Array) -> Array:

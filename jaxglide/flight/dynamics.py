@@ -22,7 +22,7 @@ import jax.numpy as jnp
 
 from .._lib.checks import check_given, check_kind
 from .._lib.fields import Part, about, floats, recheck
-from .._lib.numerics import cross, safe_sqrt, solve3
+from .._lib.numerics import by_rows, cross, safe_sqrt, solve3
 from .._lib.types import Array, Float, Mat3, Nodes3, Scalar, State
 from ..air.air import AbstractAir, StillAir
 from ..body.sections import AbstractBody, Sections
@@ -160,12 +160,14 @@ def _moving(time, state, own, flight: Flight):
     R_BI = rotation_matrix(state[ANGLES])
     velocity_B = jnp.sum(R_BI * state[VELOCITY], axis=1)
     spin = cross(state[OMEGA], body.position)
-    velocity = velocity_B[:, None] + body.velocity + spin
+    velocity = by_rows(
+        lambda whole, *parts: whole + sum(parts), velocity_B, body.velocity, spin
+    )
     place = R_BI.T @ body.position + state[POSITION][:, None]
     wind = glider.air.wind(place, time)
     if wind is not None:
         check_given(f"wind of {type(glider.air).__name__}", wind, place.shape)
-        velocity = velocity - R_BI @ wind
+        velocity = by_rows(jnp.subtract, velocity, R_BI @ wind)
     flow = Flow(
         velocity=velocity,
         position=body.position,
@@ -219,7 +221,8 @@ def elements(time: Scalar, state: State, flight: Flight) -> Elements:
     own, lag = state[RIGID : RIGID + count], state[RIGID + count :]
     body, own_rates, flow, R_BI, spin = _moving(time, state, own, flight)
     # r'' + 2 omega x r' + omega x (omega x r); the term in omega' is the unknown
-    relative = body.acceleration + cross(state[OMEGA], 2 * body.velocity + spin)
+    doubled = by_rows(lambda v, s: 2 * v + s, body.velocity, spin)
+    relative = by_rows(jnp.add, body.acceleration, cross(state[OMEGA], doubled))
     air, lag_rates = _forced(glider.aerodynamics, flow, lag)
     moment = cross(body.position, air.force)
     rates = jnp.concatenate([own_rates, lag_rates])
@@ -246,7 +249,11 @@ def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
     force_I = jnp.sum(now.R_BI * force_B[:, None], axis=0)
     weight = jnp.stack([0.0 * glider.gravity] * 2 + [glider.gravity])
     acceleration = force_I / sections.total_mass - weight
-    effective = now.aerodynamics.force - sections.mass * now.relative_acceleration
+    effective = by_rows(
+        lambda force, acceleration: force - sections.mass * acceleration,
+        now.aerodynamics.force,
+        now.relative_acceleration,
+    )
     moment = moment_of(now.body.position, effective)
     if sections.axial_inertia is not None:
         moment = moment - section_moment(sections, now.body, state[OMEGA])

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from .._lib.checks import check_given, check_kind
 from .._lib.fields import Part, about, floats
-from .._lib.numerics import arctan2, safe_sqrt
+from .._lib.numerics import arctan2, once, safe_sqrt
 from .._lib.types import Array, Float, Nodes, Nodes3, Scalar
 from .polar import AbstractPolar
 
@@ -121,8 +121,8 @@ class _Section(NamedTuple):
 
 def _section(flow: Flow) -> _Section:
     V, c, b = flow.velocity, flow.chord_direction, flow.normal
-    v_c = V[0] * c[0] + V[1] * c[1]  # the chord is in the body's horizontal plane
-    v_b = V[0] * b[0] + V[1] * b[1] + V[2] * b[2]
+    v_c = once(V[0] * c[0] + V[1] * c[1])  # the chord is in the body's horizontal plane
+    v_b = once(V[0] * b[0] + V[1] * b[1] + V[2] * b[2])
     speed = safe_sqrt(V[0] ** 2 + V[1] ** 2 + V[2] ** 2)
     return _Section(
         along_chord=v_c,
@@ -140,8 +140,8 @@ def _forces(flow: Flow, at: _Section, lift_coefficient, drag_coefficient) -> Aer
     v_c, v_b = at.along_chord, at.along_normal
     # One power of the normal speed is in the vectors.
     q = 0.5 * flow.air_density * at.speed * flow.area
-    along_c = q * (-drag_coefficient * v_c - lift_coefficient * v_b)
-    along_b = q * (-drag_coefficient * v_b + lift_coefficient * v_c)
+    along_c = once(q * (-drag_coefficient * v_c - lift_coefficient * v_b))
+    along_b = once(q * (-drag_coefficient * v_b + lift_coefficient * v_c))
     fold = jnp.where(v_c >= 0, 1.0, -1.0)
     pressure = 0.5 * flow.air_density * at.speed**2
     t = flow.tangent

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .._lib.numerics import cross
+from .._lib.numerics import cross, over_last
 from .._lib.types import Mat3, Nodes3, Vec3
 from ..body.sections import Sections
 from ..shape.kinematics import Backbone
@@ -41,7 +41,7 @@ def inertia_tensor(sections: Sections, body: Backbone) -> Mat3:
         across = c_x * c_x, c_y * c_y, c_x * c_y
         for i, share in enumerate(across):
             products[i] = products[i] + sections.axial_inertia * share
-    xx, yy, xy, zz, xz, yz = (jnp.sum(product) for product in products)
+    xx, yy, xy, zz, xz, yz = (over_last(product) for product in products)
     return jnp.stack(
         [
             jnp.stack([yy + zz, -xy, -xz]),
@@ -52,8 +52,8 @@ def inertia_tensor(sections: Sections, body: Backbone) -> Mat3:
 
 
 def over_nodes(vectors: Nodes3) -> Vec3:
-    """Sum over nodes, (3,); row by row, which XLA fuses with what made the rows."""
-    return jnp.stack([jnp.sum(row) for row in vectors])
+    """Sum over nodes, (3,); row by row."""
+    return jnp.stack([over_last(row) for row in vectors])
 
 
 def moment_of(position: Nodes3, vectors: Nodes3) -> Vec3:

@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from .._lib.checks import check_choice, check_integer, check_range, is_traced
 from .._lib.fields import Part, about, floats
+from .._lib.numerics import once
 from .._lib.types import Array, Float, Scalar
 
 MEASURED_ANGLES = (-10.0, 60.0)
@@ -298,7 +299,7 @@ class Polar(AbstractPolar):
         y = jnp.clip((reynolds - REYNOLDS[0]) / 2000.0, 0.0, float(columns))
         i = jnp.clip(jnp.floor(x), 0, rows - 1)
         j = jnp.clip(jnp.floor(y), 0, columns - 1)
-        index = (i * columns + j).astype(jnp.int32)
+        index = once(i * columns + j).astype(jnp.int32)
         index = jnp.clip(index, 0, rows * columns - 1)  # NaN angles stay in the table
         flat = self.cells.reshape(rows * columns, 2 * degree * degree)
         c = flat.at[index].get(mode="promise_in_bounds")
@@ -314,6 +315,6 @@ class Polar(AbstractPolar):
             return horner([horner(terms, y) for terms in in_re], x)
 
         return (
-            self.lift_scale * evaluate(0),
-            self.drag_scale * evaluate(degree * degree),
+            once(self.lift_scale * evaluate(0)),
+            once(self.drag_scale * evaluate(degree * degree)),
         )

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from .._lib.numerics import sincos
+from .._lib.numerics import once, rows_times, sincos
 from .._lib.types import Nodes, Nodes3
 from ..body.sections import Sections
 from .motion import Bending
@@ -49,40 +49,30 @@ def backbone(sections: Sections, wave: Bending) -> Backbone:
     # Heading of the tangent's horizontal part, d/dtheta of it, and length's derivatives.
     flat_rate = -sin_p * dp
     flat_second = -cos_p * dp**2 - sin_p * wave.psi_ddot
-    turn = 2 * flat_rate * dt + cos_p * wave.theta_ddot
-    shrink = flat_second - cos_p * dt**2
-    tangent = jnp.stack([cos_p * sin_t, -cos_p * cos_t, sin_p])
-    integrand = jnp.concatenate(
-        [
-            tangent,
-            jnp.stack(
-                [
-                    flat_rate * sin_t + cos_p * dt * cos_t,
-                    -flat_rate * cos_t + cos_p * dt * sin_t,
-                    cos_p * dp,
-                    shrink * sin_t + turn * cos_t,
-                    -shrink * cos_t + turn * sin_t,
-                    cos_p * wave.psi_ddot - sin_p * dp**2,
-                ]
-            ),
-        ]
-    )
-    path = integrand @ sections.integral
+    turn = once(2 * flat_rate * dt + cos_p * wave.theta_ddot)
+    shrink = once(flat_second - cos_p * dt**2)
+    tangent = [cos_p * sin_t, -cos_p * cos_t, sin_p]
+    integrands = [
+        *tangent,
+        flat_rate * sin_t + cos_p * dt * cos_t,
+        -flat_rate * cos_t + cos_p * dt * sin_t,
+        cos_p * dp,
+        shrink * sin_t + turn * cos_t,
+        -shrink * cos_t + turn * sin_t,
+        cos_p * wave.psi_ddot - sin_p * dp**2,
+    ]
+    path = rows_times(integrands, sections.integral)
 
     # c = z x t/|z x t| and b = t x c (eqs 14-15) in closed form. Where the body bends past
     # the vertical z x t reverses; the chord is carried on instead, as a body carries it.
-    # A factor of 1, the tangent's length: XLA computes the waves anew for every use of them,
-    # but not a division. Without it a step of a batch takes twice as long.
-    squared = sin_p**2 + cos_p**2
-    one = squared / jnp.sqrt(squared)
     zero = jnp.zeros_like(cos_p)
     return Backbone(
-        position=path[0:3],
-        velocity=path[3:6],
-        acceleration=path[6:9],
-        tangent=tangent,
-        chord=jnp.stack([one * cos_t, one * sin_t, zero]),
-        normal=jnp.stack([-one * sin_p * sin_t, one * sin_p * cos_t, one * cos_p]),
+        position=jnp.stack(path[0:3]),
+        velocity=jnp.stack(path[3:6]),
+        acceleration=jnp.stack(path[6:9]),
+        tangent=jnp.stack(tangent),
+        chord=jnp.stack([cos_t, sin_t, zero]),
+        normal=jnp.stack([-sin_p * sin_t, sin_p * cos_t, cos_p]),
         turning=wave.theta_dot,
         turning_rate=wave.theta_ddot,
     )

@@ -9,10 +9,11 @@ import subprocess
 import tempfile
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from jaxglide import Glider, discretise
+from jaxglide import discretise
 from jaxglide.shape.motion import in_neck
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -50,8 +51,8 @@ def _library() -> ctypes.CDLL:
     return ctypes.CDLL(str(target))
 
 
-def model(glider: Glider, phase: float) -> Model:
-    """What the kernel needs of a glider with the published nodes and polar."""
+def model(glider: Any, phase: float) -> Model:
+    """What the kernel needs of a `Glider` with the published nodes and polar."""
     sections, gait, polar = discretise(glider.body), glider.gait, glider.aerodynamics.polar
     x, ramp = in_neck(sections.fraction, sections.neck_fraction)
     mass = np.asarray(sections.mass)

@@ -1,4 +1,4 @@
-"""JAX for the command line, not loaded here: float64, all cores, a cache of compiled code."""
+"""JAX for the command line, not loaded here: float64, a cache of compiled code."""
 
 import contextlib
 import os
@@ -12,7 +12,7 @@ _XLA_FLAGS = ("--xla_cpu_prefer_vector_width=512",)
 
 
 def configure() -> None:
-    """Set up JAX for the command line: float64, all cores, a cache of compiled code."""
+    """Set up JAX for the command line: float64, a cache of compiled code."""
     given = os.environ.get("XLA_FLAGS", "")
     names = given.replace("=", " ").split()
     flags = [flag for flag in _XLA_FLAGS if flag.split("=")[0] not in names]
@@ -27,8 +27,6 @@ def configure() -> None:
     }
     if not os.environ.get("JAX_COMPILATION_CACHE_DIR") and (cache := _cache()):
         settings["jax_compilation_cache_dir"] = cache
-    if not os.environ.get("JAX_NUM_CPU_DEVICES"):
-        settings["jax_num_cpu_devices"] = _cores()
     _set(settings)
     warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
 
@@ -52,10 +50,3 @@ def _cache() -> str | None:
     except RuntimeError:
         return None
     return str(home / "jaxglide")
-
-
-def _cores() -> int:
-    """Cores that this process may use, which can be fewer than the machine has."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

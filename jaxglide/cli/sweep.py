@@ -50,7 +50,7 @@ def add(new) -> None:
     group = sweep.add_argument_group("run")
     text = "keep results here (Zarr), to go on from them"
     group.add_argument("--store", type=Path, metavar="FOLDER", help=text)
-    width = Parameter("", "glides per batch", low=1, high=10**7)
+    width = Parameter("", "glides in flight at once", low=1, high=10**7)
     add_number(group, "width", width, told="chosen for the devices", kind=whole)
     group.add_argument("--cluster", metavar="ADDRESS", help="scheduler of a Dask cluster")
     add_setup(sweep)

@@ -1,7 +1,8 @@
-"""One batch of a study as a vmapped computation on all local devices."""
+"""The flights of a study in pools of lanes, one a core or a GPU."""
 
-import math
-from collections.abc import Callable, Mapping
+import queue
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any
@@ -11,15 +12,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._lib.cores import cores
 from .._lib.types import Array
 from ..flight.case import Case
-from ..flight.glide import Glide, simulate
+from ..flight.glide import PILOT, Glide, landed, ready
+from ..flight.pool import Program, Task, Turn
 from .study import Study, nodes_of
 
-_CPU_LANES = (16, 24)  # per core: more do not pay for waiting for the slowest flight
-# Lanes per device are a multiple of this. Loops over other numbers end in a remainder that
-# the compiler may round otherwise: a glide's last bits would depend on its batch.
+_LANES = 64  # most per core: more cost no less a step, and the last flights wait longer
+_FLIGHTS = 5  # that a lane has one after the other, where there are as many
+# Lanes are a multiple of this. Loops over other numbers end in a remainder that the compiler
+# may round otherwise: a glide's last bits would depend on its neighbours.
 _UNIT = 8
+_QUEUE = 4  # cases handed over at a time, for each lane
 _MAX_LANES = 65_536  # per GPU
 _LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
 
@@ -47,12 +52,108 @@ def results(glide: Glide) -> dict[str, Array]:
     return kept
 
 
-def _one(static: Case, max_steps: int):
-    """Function of the values of one case, and of what all share, that flies it."""
+def workers() -> tuple:
+    """Devices that fly at the same time, a thread each: the GPUs, or the CPU once a core."""
+    devices = tuple(jax.local_devices())
+    if devices[0].platform != "cpu" or len(devices) > 1:
+        return devices
+    return devices * cores()
 
-    def fly(values, arrays, times, rtol, atol, max_time):
+
+class Supply:
+    """Cases that are handed out to threads: many at first, few in the end.
+
+    Args:
+        count: how many.
+        threads: to how many threads.
+        least, most: fewest and most cases at a time.
+    """
+
+    def __init__(self, count: int, threads: int, least: int, most: int):
+        self._count, self._given, self._lock = count, 0, threading.Lock()
+        self._threads, self._least, self._most = threads, least, most
+
+    def take(self) -> tuple[np.ndarray, bool]:
+        """The next cases, and whether there are none after them."""
+        with self._lock:
+            left = self._count - self._given
+            fair = -(-left // (2 * self._threads))
+            count = min(left, self._most, max(self._least, fair))
+            self._given += count
+            return np.arange(self._given - count, self._given), self._given == self._count
+
+
+def _at(tree, places) -> Any:
+    return jax.tree.map(lambda x: x[places], tree)
+
+
+def fly(
+    program: Program, values: Mapping[str, np.ndarray], lanes: int, devices: tuple, shared=()
+) -> Iterator[tuple[np.ndarray, Any, Turn]]:
+    """Fly cases in a pool on each device, and yield what has ended as it comes.
+
+    Args:
+        program: of the pools.
+        values: of all N cases, a tree of arrays (N, ...).
+        lanes: of each pool.
+        devices: one a thread.
+        shared: what all cases share, trees of arrays.
+
+    Yields:
+        Numbers of cases, (n,), their results, a tree of arrays (n, ...), and the turn they
+        came with.
+    """
+    count, room = len(jax.tree.leaves(values)[0]), _QUEUE * lanes
+    supply = Supply(count, len(devices), program.block, room)
+    told: queue.SimpleQueue = queue.SimpleQueue()
+    stop, x64 = threading.Event(), jax.config.jax_enable_x64  # type: ignore[attr-defined]
+
+    def turns(device) -> None:
+        given = jax.device_put(shared, device)
+        one = jax.device_put(_at(values, 0), device)
+        pool, last = program.empty(one, *given, lanes=lanes), False
+        while not (last or stop.is_set()):
+            cases, last = supply.take()
+            # filled up, so that one compiled function serves any number
+            filled = np.resize(cases, room) if len(cases) else np.zeros(room, int)
+            batch = filled.astype(np.int32), _at(values, filled), np.int32(len(cases))
+            pool, turn = program.turn(
+                pool, *jax.device_put((*batch, np.asarray(last)), device), *given
+            )
+            told.put(jax.tree.map(np.asarray, turn))
+
+    def work(device) -> None:
+        try:
+            with jax.enable_x64(x64):
+                turns(device)
+            told.put(None)
+        except BaseException as error:
+            told.put(error)
+
+    with ThreadPoolExecutor(len(devices)) as threads:
+        for device in devices:
+            threads.submit(work, device)
+        try:
+            working = len(devices)
+            while working:
+                turn = told.get()
+                if isinstance(turn, BaseException):
+                    raise turn
+                working -= turn is None
+                if turn is not None and turn.found:
+                    ended = _at((turn.case, turn.results), slice(int(turn.found)))
+                    yield *ended, turn
+        finally:
+            stop.set()
+
+
+@lru_cache(maxsize=16)
+def _program(structure, leaves: tuple, max_steps: int, block: int) -> Program:
+    static = jax.tree.unflatten(structure, leaves)
+
+    def prepare(values, arrays, times, rtol, atol, max_time) -> Task:
         case = eqx.combine(arrays, static).replace(values)
-        glide = simulate(
+        return ready(
             case.glider,
             case.launch,
             ends=case.ends,
@@ -62,9 +163,11 @@ def _one(static: Case, max_steps: int):
             max_time=max_time,
             max_steps=max_steps,
         )
-        return results(glide)
 
-    return fly
+    def conclude(task: Task, solved) -> dict[str, Array]:
+        return results(landed(task, solved))
+
+    return Program(PILOT, prepare, conclude, block)
 
 
 def spread(one: Callable, devices: tuple, common: int):
@@ -107,11 +210,6 @@ def spread(one: Callable, devices: tuple, common: int):
     return run
 
 
-@lru_cache(maxsize=16)
-def _flier(structure, leaves: tuple, max_steps: int, devices: tuple):
-    return spread(_one(jax.tree.unflatten(structure, leaves), max_steps), devices, 5)
-
-
 def shared(case: Case) -> tuple[Case, tuple]:
     """The arrays of a case, which all lanes share, and what a compiled function is kept by:
     the case without them."""
@@ -122,43 +220,54 @@ def shared(case: Case) -> tuple[Case, tuple]:
 
 
 def default_width(study: Study) -> int:
-    """Glides per batch: by cache on CPU cores, by memory on GPUs."""
-    devices = jax.local_devices()
+    """Lanes of all pools together: by cache on CPU cores, by memory on GPUs."""
+    devices = workers()
+    each = -(-len(study) // len(devices))
     if devices[0].platform == "cpu":
-        most = _CPU_LANES
+        most, each = _LANES, each // _FLIGHTS
     else:
         memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
         states = study.state_size * len(study.times or ())
-        per_lane = 8 * (_LIVE * nodes_of(study.base) + 20 * 13 + states)
-        most = (max(_UNIT, int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT),)
-    # As many batches as that takes, all of one size: a last small one would cost as much. The
-    # fewest lanes in all, where there is a choice.
-    each = -(-len(study) // len(devices))
-    batches = [-(-each // lanes) for lanes in most]
-    lanes = [_rounded(-(-each // count)) for count in batches]
-    return len(devices) * min(zip(batches, lanes, strict=True), key=math.prod)[1]
+        per_lane = 8 * (_LIVE * nodes_of(study.base) + (_QUEUE + 3) * (20 * 13 + states))
+        most = int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT
+    return len(devices) * max(_UNIT, min(most, _rounded(each)))
 
 
 def _rounded(lanes: int) -> int:
     return -(-lanes // _UNIT) * _UNIT
 
 
-def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
-    """Fly some cases of a study as one batch.
+def flown(
+    study: Study, index: np.ndarray, width: int
+) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+    """Fly some cases of a study, and yield what has ended as it comes.
 
     Args:
         study: the study.
-        index: case numbers, (n,), n at most `width`.
-        width: size of the batch; it is filled up with repeats, so that one compiled
-            function serves every batch of a study.
+        index: case numbers, (n,), those expected to take long last.
+        width: lanes of all pools together.
 
-    Returns:
-        What `results` keeps, by name, each (n, ...): to the bit the same whatever the batch.
+    Yields:
+        Places in `index`, and what `results` keeps of the cases there: to the bit the same
+        whatever the pools and the neighbours.
     """
-    devices = tuple(jax.local_devices())
-    lanes = len(devices) * _rounded(-(-width // len(devices)))
+    devices = workers()
+    lanes = _rounded(-(-width // len(devices)))
     arrays, key = shared(study.base)
     times = None if study.times is None else np.asarray(study.times, float)
     limits = (np.asarray(getattr(study, name)) for name in ("rtol", "atol", "max_time"))
-    fly = _flier(*key, study.max_steps, devices)
-    return fly(study.lanes(index), lanes, arrays, times, *limits)
+    block = _UNIT if devices[0].platform == "cpu" else lanes
+    program = _program(*key, study.max_steps, block)
+    last = len(index) - 1
+    # the long ones first: what flies last is soon over
+    values = study.lanes(index[::-1])
+    for cases, found, _ in fly(program, values, lanes, devices, (arrays, times, *limits)):
+        yield last - cases, found
+
+
+def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
+    """What `flown` gives, of all cases together, in the order of `index`, by name."""
+    parts = list(flown(study, index, width))
+    back = np.argsort(np.concatenate([places for places, _ in parts]))
+    names = parts[0][1]
+    return {n: np.concatenate([part[n] for _, part in parts])[back] for n in names}

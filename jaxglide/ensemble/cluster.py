@@ -1,4 +1,4 @@
-"""A sweep on a Dask cluster, one task a batch (extra `jaxglide[cluster]`).
+"""A sweep on a Dask cluster, some hundred cases a task (extra `jaxglide[cluster]`).
 
 A task carries its own cases and returns their results; only the process that sweeps writes to
 the store, so workers need not see it. The scheduler sends a lost worker's batch to another.
@@ -18,7 +18,8 @@ from .study import Study
 
 _RETRIES = 3
 _PATIENCE = "20s"  # with a scheduler
-_WIDTH = 24  # glides a task; as for a core, see `batch`
+# Glides a task: enough for the lanes of a worker, and some tasks for every worker.
+_FEWEST, _MOST, _TASKS = 24, 480, 4
 
 
 class ClusterError(OSError):
@@ -26,19 +27,19 @@ class ClusterError(OSError):
 
 
 def _task(
-    cases: str | Study, width: int, x64: bool, expected: dict[str, str]
+    cases: str | Study, width: int | None, x64: bool, expected: dict[str, str]
 ) -> dict[str, np.ndarray]:
-    """Fly a batch; runs on a worker."""
+    """Fly some cases; runs on a worker."""
     import jax
 
     for name, version in versions().items():
         if name != "version_python" and expected[name] != version:
             raise ClusterError(f"a worker has {name} {version}, not {expected[name]} as here")
     jax.config.update("jax_enable_x64", x64)
-    from .batch import solve
+    from .batch import default_width, solve
 
     study = Study.from_json(cases) if isinstance(cases, str) else cases
-    return solve(study, np.arange(len(study)), width)
+    return solve(study, np.arange(len(study)), width or default_width(study))
 
 
 @contextlib.contextmanager
@@ -87,7 +88,7 @@ def solve_on_cluster(
         study: the study.
         order: case numbers in the order in which they are solved, (N,).
         rows: places in that order of the glides to fly, (n,).
-        width: glides per task.
+        width: glides per task, all in flight at once; by default as suits the workers.
 
     Raises:
         ClusterError: workers died at a batch again and again, or the cluster went away.
@@ -96,9 +97,10 @@ def solve_on_cluster(
     from distributed import KilledWorker, as_completed
 
     x64 = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
-    width = width or _WIDTH
+    workers = max(1, len(client.scheduler_info()["workers"]))
+    size = width or min(_MOST, max(_FEWEST, len(rows) // (_TASKS * workers)))
     futures = {}
-    for part in np.split(rows, np.arange(width, len(rows), width)):
+    for part in np.split(rows, np.arange(size, len(rows), size)):
         told = _sent(study.part(order[part])), width, x64, versions()
         futures[client.submit(_task, *told, retries=_RETRIES, pure=False)] = part
     kept = "what is finished is kept if there is a store: run the same study again"

@@ -1,4 +1,4 @@
-"""Sweeps: many glides in batches, with progress, kept and resumed."""
+"""Sweeps: many glides, with progress, kept and resumed."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -11,7 +11,7 @@ import xarray as xr
 
 from .._lib.checks import check_integer, check_kind, warn_float32
 from .._lib.progress import progress_bar
-from .batch import default_width, solve
+from .batch import default_width, flown
 from .layout import blank, bytes_of
 from .records import study_dataset
 from .store import check_memory, opened, precision
@@ -33,8 +33,8 @@ def sweep(
         store: folder for the results (Zarr), written as they come. If it holds part of the
             same study, only the rest is computed; if another process is at work on it, this
             one waits. Without one all stays in memory.
-        width: glides per batch; by default chosen for the devices. The results do not depend
-            on it.
+        width: glides that fly at the same time; by default chosen for the devices. The results
+            do not depend on it.
         progress: show a progress bar; by default where somebody can see it.
         cluster: a `dask.distributed.Client`, or a scheduler's address, on whose workers to
             compute. Needs `jaxglide[cluster]`.
@@ -69,15 +69,14 @@ def sweep(
             client = stack.enter_context(connected(cluster, tell))
             fly = partial(solve_on_cluster, client, study, order, width=width)
         kept = None if store is None else stack.enter_context(opened(store, study, tell))
-        flown = _fill(study, kept, fly, progress)
+        found = _fill(study, kept, fly, progress)
     back = np.argsort(order)
-    return study_dataset(study, {name: values[back] for name, values in flown.items()})
+    return study_dataset(study, {name: values[back] for name, values in found.items()})
 
 
 def _solve_here(study, order, width, rows) -> Iterator[tuple[np.ndarray, Mapping]]:
-    width = min(width, len(study))
-    for part in np.split(rows, np.arange(width, len(rows), width)):
-        yield part, solve(study, order[part], width)
+    for places, values in flown(study, order[rows], width):
+        yield rows[places], values
 
 
 def _fill(study, kept, fly, progress) -> dict[str, np.ndarray]:

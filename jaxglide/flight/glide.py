@@ -27,7 +27,8 @@ from .ends import (
 )
 from .integrate import with_room
 from .launch import Launch, TakeOff, take_off
-from .solve import Settings, Solved, settings_of, solve
+from .pool import Pilot, Task
+from .solve import Posed, Settings, Solved, settings_of, solve
 from .trajectory import AbstractTrajectory, steps_row
 
 
@@ -128,6 +129,28 @@ def _fly(glider: Glider, launch: Launch, settings, *, adjoint) -> tuple[TakeOff,
 _fly_either_mode = either_mode(_fly)
 
 
+PILOT = Pilot(six_degrees_of_freedom)
+"""How a lane of a pool flies a glide."""
+
+
+def ready(glider: Glider, launch: Launch, **options) -> Task:
+    """A glide as a task of a pool; options as in `simulate`, but for dense and adjoint."""
+    launch, settings = checked(glider, launch, **options)
+    sections = discretise(glider.body)
+    start = take_off(glider, launch, sections)
+    posed = Posed.of(start.state, jnp.zeros_like(start.state[0]), settings)
+    return Task(posed, Flight(glider, sections, start.phi_theta), (glider, launch, start))
+
+
+def landed(task: Task, solved: Solved) -> Glide:
+    """The glide that has come of a task."""
+    glider, launch, start = task.kept
+    settings = task.posed.settings
+    return Glide(
+        glider=glider, launch=launch, settings=settings, take_off=start, **vars(solved)
+    )
+
+
 @eqx.filter_jit
 def _simulate(glider, launch, settings: Settings, adjoint) -> Glide:
     if adjoint is None and not settings.dense:
@@ -198,29 +221,49 @@ def simulate(
         >>> print(f"{glide.ending} {glide.landing_point[1]:.3f} m forward")
         landed 1.298 m forward
     """
-    launch = Launch() if launch is None else launch
-    check_glider(glider)
-    recheck(check_kind("launch", launch, Launch))
-    ends = default_ends() if ends is None else check_ends(ends)
-    _check_start(launch, ends)
     if adjoint is not None:
         check_kind("adjoint", adjoint, diffrax.AbstractAdjoint)
-    check_range("max_time", max_time, "s", 0, 1e4, low_open=True, shape=())
-    settings = settings_of(
+    launch, settings = checked(
+        glider,
+        launch,
+        ends=ends,
         rtol=rtol,
         atol=atol,
         max_time=max_time,
         times=times,
-        ends=ends,
         solver=solver,
         step=step,
         max_steps=max_steps,
         dense=dense,
     )
-    warn_float32(rtol, atol, launch.height.dtype)
     if dense and all_known(glider, launch, settings):
         return with_room(lambda s: _simulate(glider, launch, s, adjoint), settings)
     return _simulate(glider, launch, settings, adjoint)
+
+
+def checked(
+    glider,
+    launch,
+    *,
+    ends,
+    max_time,
+    times=None,
+    solver=None,
+    step=None,
+    dense=False,
+    **given,
+) -> tuple[Launch, Settings]:
+    """Launch and settings of a glide, both checked; see `simulate` for arguments and errors."""
+    launch = Launch() if launch is None else launch
+    check_glider(glider)
+    recheck(check_kind("launch", launch, Launch))
+    ends = default_ends() if ends is None else check_ends(ends)
+    _check_start(launch, ends)
+    check_range("max_time", max_time, "s", 0, 1e4, low_open=True, shape=())
+    others = {"times": times, "solver": solver, "step": step, "dense": dense}
+    settings = settings_of(max_time=max_time, ends=ends, **others, **given)
+    warn_float32(given["rtol"], given["atol"], launch.height.dtype)
+    return launch, settings
 
 
 def _check_start(launch: Launch, ends: Sequence[AbstractEnd]) -> None:

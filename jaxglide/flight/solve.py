@@ -1,5 +1,6 @@
 """One way to integrate: from a state to the first of its ends, with one outcome."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import optimistix as optx
 
 from .._lib.checks import check_integer, check_kind, check_range, is_traced, number
-from .._lib.types import Array, Float, Integer, Scalar, State, Vec3
+from .._lib.types import Array, Bool, Float, Integer, Scalar, State, Vec3
 from .ends import AbstractEnd, Outcome, check_ends, clearance, outcome_codes
 from .peaks import PeakController
 
@@ -136,6 +137,48 @@ class Solved(eqx.Module):
     interpolation: diffrax.DenseInterpolation | None
 
 
+class Posed(eqx.Module):
+    """An integration to be done.
+
+    Attributes:
+        start: the state given, (s,).
+        flying: whether it is in flight there. A start beyond an end, or not finite, is over at
+            once. Its lane must not keep a batch waiting: another one is flown for an instant,
+            and what it did is thrown away.
+        state: from which to integrate, (s,).
+        t0, t1: from when to when [s].
+        controller: of the steps.
+        settings: how.
+        turns: whether the state is that of a flight, whose angles are followed (static).
+    """
+
+    start: State
+    flying: Bool[Array, ""]
+    state: State
+    t0: Scalar
+    t1: Scalar
+    controller: diffrax.AbstractStepSizeController
+    settings: Settings
+    turns: bool = eqx.field(static=True)
+
+    @classmethod
+    def of(
+        cls, start, t0, settings: Settings, turns=True, longest=_MAX_STEP, first=_FIRST_STEP
+    ):
+        """See `solve`."""
+        ends = settings.ends
+        flying = jnp.all(jnp.isfinite(start))
+        if ends:
+            flying &= jnp.all(clearance(ends, t0, start) > 0)
+        state = jnp.where(flying, start, jnp.zeros_like(start))
+        t1 = jnp.where(flying, settings.max_time, t0 + _OVER)
+        step = jnp.minimum(settings.step or first, t1 - t0)
+        controller = _FirstStep(settings.controller(longest), step)
+        if turns:
+            controller = PeakController(controller, _steady(ends))
+        return cls(start, flying, state, t0, t1, controller, settings, turns)
+
+
 def solve(
     field: Field,
     start: State,
@@ -160,27 +203,18 @@ def solve(
         turns: whether the state is that of a flight, whose angles are followed.
         longest, first: longest and first step of adaptive ones [s].
     """
-    ends = settings.ends
-    flying = jnp.all(jnp.isfinite(start))
-    if ends:
-        flying &= jnp.all(clearance(ends, t0, start) > 0)
-    # A start beyond an end, or not finite, is over at once. Its lane must not keep a batch
-    # waiting: another one is flown for an instant, and what it did is thrown away.
-    state = jnp.where(flying, start, jnp.zeros_like(start))
-    t1 = jnp.where(flying, settings.max_time, t0 + _OVER)
-    step = jnp.minimum(settings.step or first, t1 - t0)
-    controller = _FirstStep(settings.controller(longest), step)
+    posed = Posed.of(start, t0, settings, turns, longest, first)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),  # type: ignore
         settings.solver,
         t0=t0,
-        t1=t1,
+        t1=posed.t1,
         dt0=None,
-        y0=state,
+        y0=posed.state,
         args=args,
-        saveat=_kept(settings, t0, t1, turns),
-        stepsize_controller=PeakController(controller, _steady(ends)) if turns else controller,
-        event=_event(ends, state.dtype),
+        saveat=_kept(settings, t0, posed.t1, turns),
+        stepsize_controller=posed.controller,
+        event=_event(settings.ends, posed.state.dtype),
         adjoint=adjoint,
         max_steps=settings.max_steps,
         throw=False,
@@ -188,20 +222,73 @@ def solve(
     ts, ys, stats = solution.ts, solution.ys, solution.stats
     assert ts is not None
     assert ys is not None
-    time = jnp.where(flying, ts["end"][0], t0)
-    state = jnp.where(flying, ys["end"][0], start)
-    states = None
-    if settings.times is not None:
-        states = within(settings.times, t0, time, start, ys["times"])
-    return Solved(
-        outcome=_outcome(solution, flying, ends, time, state),
-        time=time,
-        state=state,
-        max_angles=_largest(solution, time, state) if turns else None,
+    results = diffrax.RESULTS
+    solved = classified(
+        posed,
+        time=ts["end"][0],
+        state=ys["end"][0],
+        ended=solution.result == results.event_occurred,
+        failed=solution.result == results.dt_min_reached,
+        unfinished=solution.result == results.max_steps_reached,
+        control=solution.controller_state,
         accepted=stats["num_accepted_steps"],
         rejected=stats["num_rejected_steps"],
+        states=None if settings.times is None else ys["times"],
+    )
+    if not settings.dense:
+        return solved
+    return dataclasses.replace(solved, interpolation=solution.interpolation)
+
+
+def classified(
+    posed: Posed,
+    *,
+    time: Scalar,
+    state: State,
+    ended: Bool[Array, ""],
+    failed: Bool[Array, ""],
+    unfinished: Bool[Array, ""],
+    control: Any,
+    accepted: Integer,
+    rejected: Integer,
+    states: Float[Array, "T s"] | None,
+) -> Solved:
+    """An integration that is over, and how it ended.
+
+    Args:
+        posed: what was to be done.
+        time, state: at its end.
+        ended: whether one of the ends was reached.
+        failed: whether the steps became too short.
+        unfinished: whether there were too few steps.
+        control: state of the controller.
+        accepted, rejected: steps.
+        states: at the settings' times, (T, s), or None.
+    """
+    t0, flying, times = posed.t0, posed.flying, posed.settings.times
+    time = jnp.where(flying, time, t0)
+    state = jnp.where(flying, state, posed.start)
+    if times is not None:
+        states = within(times, t0, time, posed.start, states)
+    ends, outcome = posed.settings.ends, jnp.asarray(int(Outcome.OUT_OF_TIME))
+    finite = jnp.all(jnp.isfinite(state))
+    if ends:
+        # of all ends at the end point, the one it is closest to
+        left = clearance(ends, time, state)
+        nearest, finite = jnp.argmin(left), finite & ~jnp.any(jnp.isnan(left))
+        outcome = jnp.where(ended | ~flying, jnp.asarray(outcome_codes(ends))[nearest], outcome)
+    outcome = jnp.where(unfinished, Outcome.OUT_OF_STEPS, outcome)
+    # A vector field that is not finite has every step rejected, down to the smallest.
+    outcome = jnp.where(finite & ~failed, outcome, Outcome.NON_FINITE).astype(jnp.int32)
+    return Solved(
+        outcome=outcome,
+        time=time,
+        state=state,
+        max_angles=control[1].upto(time, state) if posed.turns else None,
+        accepted=accepted,
+        rejected=rejected,
         states=states,
-        interpolation=solution.interpolation if settings.dense else None,
+        interpolation=None,
     )
 
 
@@ -219,34 +306,20 @@ def _kept(settings: Settings, t0, t1, turns) -> diffrax.SaveAt:
 def _event(ends: tuple[AbstractEnd, ...], dtype) -> diffrax.Event | None:
     if not ends:
         return None
-    # The bracket's signs are known: positive in flight, negative after the event.
-    finder = optx.Bisection(*_EVENT_TOLERANCE[dtype.itemsize], flip=True)
     return diffrax.Event(
-        lambda t, y, args, **_: jnp.min(clearance(ends, t, y)), finder, direction=False
+        lambda t, y, args, **_: jnp.min(clearance(ends, t, y)),
+        end_finder(dtype),
+        direction=False,
     )
 
 
-def _largest(solution, time, state) -> Vec3:
-    return solution.controller_state[1].upto(time, state)
+def end_finder(dtype) -> optx.AbstractRootFinder:
+    """What finds the end within a step, in numbers of that type."""
+    # The bracket's signs are known: positive in flight, negative after the event.
+    return optx.Bisection(*_EVENT_TOLERANCE[dtype.itemsize], flip=True)
 
 
 def within(times, start, end, first: State, states) -> Float[Array, "T s"]:
     """States (T, s): the first one at the start, NaN outside the flight."""
     states = jnp.where((times == start)[:, None], first, states)
     return jnp.where(((times >= start) & (times <= end))[:, None], states, jnp.nan)
-
-
-def _outcome(solution, flying, ends, time, end: State) -> Integer:
-    """Why the flight ended: of all ends at its end point, the one it is closest to."""
-    result, results = solution.result, diffrax.RESULTS
-    outcome = jnp.asarray(int(Outcome.OUT_OF_TIME))
-    finite = jnp.all(jnp.isfinite(end))
-    if ends:
-        ended = (result == results.event_occurred) | ~flying
-        left = clearance(ends, time, end)
-        nearest, finite = jnp.argmin(left), finite & ~jnp.any(jnp.isnan(left))
-        outcome = jnp.where(ended, jnp.asarray(outcome_codes(ends))[nearest], outcome)
-    outcome = jnp.where(result == results.max_steps_reached, Outcome.OUT_OF_STEPS, outcome)
-    # A vector field that is not finite has every step rejected, down to the smallest.
-    finite &= result != results.dt_min_reached
-    return jnp.where(finite, outcome, Outcome.NON_FINITE).astype(jnp.int32)

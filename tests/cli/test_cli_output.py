@@ -205,7 +205,8 @@ os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
 cli.configure()
 import jax, matplotlib
 from matplotlib.figure import Figure
-print(jax.config.jax_compilation_cache_dir, len(jax.devices()), matplotlib.get_backend())
+from jaxglide.ensemble.batch import workers
+print(jax.config.jax_compilation_cache_dir, len(workers()), matplotlib.get_backend())
 """
 
 

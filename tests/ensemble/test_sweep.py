@@ -31,6 +31,7 @@ from jaxglide.ensemble.store import Store, StoreError, opened
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
 from jaxglide.files.glides import glide_dataset
+from jaxglide.flight.glide import ready
 
 GRID = {"nu_theta": [1.2, 1.3, 1.4], "d_psi": [0.0, 10.0]}
 SHORT = {"fixed": {"height": 0.3}, "rtol": 1e-5, "atol": 1e-4}
@@ -141,7 +142,7 @@ def test_a_store_equals_memory_and_is_not_recomputed(study, plain, tmp_path, mon
     stored = sweep(study, folder, width=WIDTH, progress=False)
     xr.testing.assert_identical(stored, plain)
     before = files(folder)
-    monkeypatch.setattr(module, "solve", None)  # any computation would fail
+    monkeypatch.setattr(module, "flown", None)  # any computation would fail
     xr.testing.assert_identical(sweep(study, folder, width=WIDTH, progress=False), plain)
     assert files(folder) == before
 
@@ -165,7 +166,7 @@ def test_only_missing_chunks_are_computed(study, plain, tmp_path, monkeypatch):
 
 def test_float32_is_said_and_kept_apart(tmp_path, monkeypatch):
     study = Study(GRID, fixed={"height": 0.3})
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     with jax.enable_x64(False), pytest.warns(UserWarning, match="too tight for float32"):
         data = sweep(study, tmp_path / "s.zarr", progress=False)
     assert data.time.dtype == np.float32
@@ -181,19 +182,36 @@ def numbered(study, index, width):
     return {n: np.zeros_like(v) for n, v in flown.items()} | {"time": column}
 
 
+def in_parts(solve):
+    """Stands in for `flown`: as many at a time as `width` says."""
+
+    def flown(study, index, width):
+        for first in range(0, len(index), width):
+            places = np.arange(first, min(first + width, len(index)))
+            yield places, solve(study, index[places], width)
+
+    return flown
+
+
 @pytest.fixture
 def finished(study, tmp_path, monkeypatch):
     """A finished store of six glides that nobody flew; to fly any more is an error."""
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     sweep(study, tmp_path / "s.zarr", width=4, progress=False)
-    monkeypatch.setattr(module, "solve", None)
+    monkeypatch.setattr(module, "flown", None)
     return tmp_path / "s.zarr"
 
 
 def traced(study):
     """What flies one case of a study, and arguments."""
     arrays, (structure, leaves) = batch.shared(study.base)
-    one = batch._one(jax.tree.unflatten(structure, leaves), study.max_steps)
+    program = batch._program(structure, leaves, study.max_steps, 8)
+
+    def one(*given):
+        task = program.prepare(*given)
+        lane = program.pilot.start(task.posed, task.args)
+        return program.conclude(task, program.pilot.finish(task.posed, lane))
+
     case = {name: values[0] for name, values in study.varied.items()}
     times = None if study.times is None else np.asarray(study.times)
     return one, case, arrays, times, 1e-6, 1e-6, study.max_time
@@ -266,10 +284,10 @@ def test_another_store_is_refused(study, finished, monkeypatch, change, said):
 def test_every_flipped_bit_is_noticed(study, tmp_path, monkeypatch):
     """In the last chunk's filling too: it holds two glides and room for four."""
     monkeypatch.setattr(stores, "_GLIDES", 4)
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     folder = tmp_path / "s.zarr"
     sweep(study, folder, progress=False)
-    monkeypatch.setattr(module, "solve", None)
+    monkeypatch.setattr(module, "flown", None)
     random = np.random.default_rng(0)
     for name, good in files(folder).items():
         for place in (random.integers(len(good)), len(good) - 1):
@@ -315,7 +333,7 @@ def test_a_chunk_without_its_digest_is_computed_anew(study, finished, monkeypatc
     before = files(finished)
     (finished / "digest" / "c" / "1" / "0").unlink()
     (finished / "time" / "c" / "1").write_bytes(b"torn")
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     sweep(study, finished, width=1, progress=False)
     assert files(finished) == before
 
@@ -328,7 +346,7 @@ def test_a_finished_store_needs_no_writing(study, finished, monkeypatch):
 
 def test_the_machine_does_not_matter(study, tmp_path, monkeypatch):
     """A store begun with one width goes on with others, to the same bytes."""
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     for width in (1, 4, 5, 100):
         sweep(study, tmp_path / f"{width}.zarr", width=width, progress=False)
         assert files(tmp_path / f"{width}.zarr") == files(tmp_path / "1.zarr")
@@ -344,7 +362,7 @@ def test_chunks_follow_from_the_study(glides, chunk):
 
 
 def test_litter_of_killed_processes_is_removed(study, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     token = "0123456789abcdef"
     (tmp_path / f".s.zarr-{token}" / "time").mkdir(parents=True)
     (tmp_path / f".other.zarr-{token}").mkdir()
@@ -387,7 +405,7 @@ def test_two_processes_on_one_new_store_both_finish(number):
 
 
 def test_who_waits_says_so(study, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     path = tmp_path / "s.zarr"
     running = threading.Thread(target=sweep, args=(study, path), kwargs={"progress": None})
     with opened(path, study) as kept:
@@ -527,9 +545,10 @@ def test_limits_reach_the_solver(monkeypatch):
 
     def fly(*arguments, **options):
         given.update(options)
-        return simulate(*arguments, **options)
+        return ready(*arguments, **options)
 
-    monkeypatch.setattr("jaxglide.ensemble.batch.simulate", fly)
+    monkeypatch.setattr("jaxglide.ensemble.batch.ready", fly)
+    batch._program.cache_clear()
     limited = Study(GRID, max_time=7.0, max_steps=77, times=[0.1])
     fly, *arguments = traced(limited)
     fly(*arguments)
@@ -601,14 +620,16 @@ BITS = """
 import sys, jax, numpy as np
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_num_cpu_devices", 2)
+from jaxglide.ensemble import batch
 from jaxglide.ensemble.batch import solve
 from jaxglide.ensemble.study import Study
 study, index = Study.from_json(sys.argv[1]), np.arange(6)
 wide = solve(study, index, 20)
 both = jax.devices()
 jax.local_devices = lambda: both[:1]
+batch.cores = lambda: 1
 whole = solve(study, index, 6)
-parts = [solve(study, part, width) for part, width in ((index[:1], 1), (index[1:], 8))]
+parts = [solve(study, part, width) for part, width in ((index[:1], 1), (index[1:], 24))]
 for name, values in whole.items():
     assert np.array_equal(values, wide[name], equal_nan=True), name
     assert np.array_equal(values, np.concatenate([p[name] for p in parts])), name
@@ -631,10 +652,11 @@ def test_results_do_not_depend_on_the_batch_or_the_devices(study, plain):
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="about CPU cores")
 @pytest.mark.parametrize(
     ("count", "width"),
-    [(1, 8), (16, 16), (20, 24), (25, 16), (121, 16), (1000, 16)],
+    [(1, 16), (80, 16), (81, 32), (242, 48), (1000, 128), (10**5, 128)],
 )
-def test_default_batches_are_few_and_equal(count, width, monkeypatch):
-    monkeypatch.setattr(jax, "local_devices", lambda: jax.devices()[:1])
+def test_lanes_by_default(count, width, monkeypatch):
+    """Five flights or so a lane, on two cores."""
+    monkeypatch.setattr(batch, "workers", lambda: jax.devices()[:1] * 2)
     assert default_width(Study({"nu_theta": np.linspace(1, 1.5, count)})) == width
 
 
@@ -674,7 +696,7 @@ def test_progress_counts_glides(tmp_path, monkeypatch):
         return Bar()
 
     monkeypatch.setattr(module, "progress_bar", begin)
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     data = sweep(study, tmp_path / "s.zarr", width=3)
     assert seen == [(7, "glide", 2), (3, [0, 1]), (2, [0, 1, 2, 3])]
     np.testing.assert_array_equal(data.time, study.varied["nu_theta"])
@@ -741,7 +763,7 @@ def test_workers_that_die_are_said_and_chunks_kept(study, tmp_path, monkeypatch,
         flown.extend(index)
         return numbered(study, index, width)
 
-    monkeypatch.setattr(module, "solve", here)
+    monkeypatch.setattr(module, "flown", in_parts(here))
     sweep(study, tmp_path / "s.zarr", progress=False)
     assert len(flown) == 6 - 2 * done.sum()
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import optimistix as optx
 
 from .._lib.dependence import depends
-from .._lib.types import Array, Bool, Float, Integer, Scalar, State
+from .._lib.types import Array, Bool, Float, Int, Integer, Scalar, State
 from .ends import clearance
 from .solve import Field, Posed, Solved, classified, end_finder
 
@@ -24,7 +24,7 @@ _ULPS = 100  # a step that would end so close before the last time ends there
 
 
 class Lane(eqx.Module):
-    """How far a flight is.
+    """How far a flight is, or flights, with a dimension for them in front.
 
     Attributes:
         fresh: whether nothing has been computed of it but its start.
@@ -41,21 +41,21 @@ class Lane(eqx.Module):
         passed: how many have.
     """
 
-    fresh: Bool[Array, ""]
-    y: State
-    tprev: Scalar
-    tnext: Scalar
+    fresh: Bool[Array, "..."]
+    y: Float[Array, "... s"]
+    tprev: Float[Array, "..."]
+    tnext: Float[Array, "..."]
     inside: Any
     control: Any
-    left: Scalar
+    left: Float[Array, "..."]
     result: diffrax.RESULTS
-    accepted: Integer
-    rejected: Integer
-    before: Scalar
-    upto: Scalar
+    accepted: Int[Array, "..."]
+    rejected: Int[Array, "..."]
+    before: Float[Array, "..."]
+    upto: Float[Array, "..."]
     info: Any
-    states: Float[Array, "T s"] | None
-    passed: Integer
+    states: Float[Array, "... T s"] | None
+    passed: Int[Array, "..."]
 
 
 class Pilot(eqx.Module):
@@ -252,7 +252,7 @@ class Pool(eqx.Module):
             rest of it, lists of (W, ...), with None for what all share.
     """
 
-    case: Integer
+    case: Int[Array, " W"]
     lane: Lane
     args: list
     rest: list
@@ -274,7 +274,7 @@ class Turn(eqx.Module):
         busy: how many steps of lanes that had a case.
     """
 
-    case: Integer
+    case: Int[Array, " K"]
     results: Any
     found: Integer
     steps: Integer

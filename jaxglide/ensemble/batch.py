@@ -19,11 +19,12 @@ from ..flight.glide import PILOT, Glide, landed, ready
 from ..flight.pool import Program, Task, Turn
 from .study import Study, nodes_of
 
-_LANES = 64  # most per core: more cost no less a step, and the last flights wait longer
+_LANES = 24  # most per core: more cost no less a step, and the last flights wait longer
 _FLIGHTS = 5  # that a lane has one after the other, where there are as many
 # Lanes are a multiple of this. Loops over other numbers end in a remainder that the compiler
 # may round otherwise: a glide's last bits would depend on its neighbours.
 _UNIT = 8
+_BLOCK = 16  # cases made ready, and concluded, at a time on a CPU
 _QUEUE = 4  # cases handed over at a time, for each lane
 _MAX_LANES = 65_536  # per GPU
 _LIVE = 60  # arrays of the body's size alive at once in the vector field, at most
@@ -108,18 +109,29 @@ def fly(
     told: queue.SimpleQueue = queue.SimpleQueue()
     stop, x64 = threading.Event(), jax.config.jax_enable_x64  # type: ignore[attr-defined]
 
+    one = _at(values, 0)
+
+    def queued(cases, given, device):
+        """Cases made ready block by block, and filled up: one program serves any number."""
+        blocks = []
+        for k in range(0, max(len(cases), 1), program.block):
+            places = np.resize(cases[k : k + program.block], program.block)
+            blocks.append(program.prepared(jax.device_put(_at(values, places), device), *given))
+        joined = jax.tree.map(lambda *parts: np.concatenate(parts), *blocks)
+        return jax.tree.map(lambda x: np.resize(x, (room, *x.shape[1:])), joined)
+
     def turns(device) -> None:
         given = jax.device_put(shared, device)
-        one = jax.device_put(_at(values, 0), device)
-        pool, last = program.empty(one, *given, lanes=lanes), False
+        pool, last = program.empty(jax.device_put(one, device), *given, lanes=lanes), False
+        queue = None
         while not (last or stop.is_set()):
             cases, last = supply.take()
-            # filled up, so that one compiled function serves any number
-            filled = np.resize(cases, room) if len(cases) else np.zeros(room, int)
-            batch = filled.astype(np.int32), _at(values, filled), np.int32(len(cases))
-            pool, turn = program.turn(
-                pool, *jax.device_put((*batch, np.asarray(last)), device), *given
-            )
+            if queue is None or len(cases):
+                queue = queued(cases, given, device)
+            numbers = np.resize(cases, room).astype(np.int32)
+            batch = numbers, queue, one, np.int32(len(cases)), np.asarray(last)
+            batch = jax.device_put(batch, device)
+            pool, turn = program.turn(pool, *batch, *given)
             told.put(jax.tree.map(np.asarray, turn))
 
     def work(device) -> None:
@@ -256,7 +268,7 @@ def flown(
     arrays, key = shared(study.base)
     times = None if study.times is None else np.asarray(study.times, float)
     limits = (np.asarray(getattr(study, name)) for name in ("rtol", "atol", "max_time"))
-    block = _UNIT if devices[0].platform == "cpu" else lanes
+    block = _BLOCK if devices[0].platform == "cpu" else lanes
     program = _program(*key, study.max_steps, block)
     last = len(index) - 1
     # the long ones first: what flies last is soon over

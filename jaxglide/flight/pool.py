@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import optimistix as optx
 
 from .._lib.dependence import depends
-from .._lib.types import Array, Bool, Float, Int, Integer, Scalar, State
+from .._lib.types import Array, Bool, Float, Int, Integer, State
 from .ends import clearance
 from .solve import Field, Posed, Solved, classified, end_finder
 
@@ -351,37 +351,46 @@ class Program:
         prepare: a task from the values of one case, a tree of arrays, and what all share.
         conclude: what is kept, a tree of arrays, from a task, without arguments, and from
             what came of it.
-        block: how many are prepared and concluded at once.
+        block: how many are concluded at once.
     """
 
     def __init__(self, pilot: Pilot, prepare: Callable, conclude: Callable, block: int):
         self.pilot, self.prepare, self.conclude = pilot, prepare, conclude
         self.block = block
         self.empty = jax.jit(self._empty, static_argnames="lanes")
+        # A program of its own: inside a loop XLA makes it three times as slow.
+        self.prepared = jax.jit(self._prepared)
         self.turn = jax.jit(self._turn, donate_argnums=0)
 
     def _empty(self, one, *shared, lanes: int) -> Pool:
         """A pool of idle lanes, W of them; `one` are values of any case."""
-        tasks = _Tasks(self.prepare, one, shared)
-        own = tasks.own(one)
-        lane = self._start(tasks, *own)
-        return Pool(jnp.full(lanes, -1, jnp.int32), *_many(lanes, (lane, *own)))
 
-    def _turn(self, pool: Pool, cases, values, count, last, *shared) -> tuple[Pool, Turn]:
+        def idle(one, *shared):
+            tasks = _Tasks(self.prepare, one, shared)
+            own = tasks.own(one)
+            return self._start(tasks, *own), *own
+
+        shapes = eqx.filter_eval_shape(idle, one, *shared)
+        return Pool(jnp.full(lanes, -1, jnp.int32), *_many(lanes, shapes))
+
+    def _prepared(self, values, *shared) -> tuple[list, list]:
+        """Own arrays of tasks, as `Pool` holds them, of values of any number of cases."""
+        tasks = _Tasks(self.prepare, jax.tree.map(lambda x: x[0], values), shared)
+        return jax.vmap(tasks.own)(values)
+
+    def _turn(self, pool: Pool, cases, queue, one, count, last, *shared) -> tuple[Pool, Turn]:
         """Fly until no case is left to be taken up and a lane is idle.
 
         Args:
             pool: the lanes, W of them.
-            cases, values: numbers and values of cases, (Q,) and (Q, ...).
-            count: how many of them are to be flown, the first ones.
+            cases, queue: numbers of cases, (Q,), and what `prepared` gave of them, (Q, ...).
+            one: values of any case.
+            count: how many of the queue are to be flown, the first ones.
             last: whether to go on until all lanes are idle.
             *shared: what all cases share.
         """
-        one = jax.tree.map(lambda x: x[0], values)
         tasks = _Tasks(self.prepare, one, shared)
         room = -(-(len(cases) + len(pool.case)) // self.block) * self.block
-        queue = _many(len(cases), jax.eval_shape(tasks.own, one))
-        queue = _by_blocks(tasks.own, self.block, count, values, queue)
 
         def more(carry):
             pool, taken, *_ = carry

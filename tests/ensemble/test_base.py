@@ -134,6 +134,17 @@ def test_another_base_of_the_same_structure_compiles_nothing(study, flown):
     assert len(traces) == traced
 
 
+def in_parts(solve):
+    """Stands in for `flown`: as many at a time as `width` says."""
+
+    def flown(study, index, width):
+        for first in range(0, len(index), width):
+            places = np.arange(first, min(first + width, len(index)))
+            yield places, solve(study, index[places], width)
+
+    return flown
+
+
 def numbered(study, index, width):
     """Stands in for `solve`: the number of every case as its time, at once."""
     flown = {n: a.blank(len(index)) for n, a in layout(study, "float64").items()}
@@ -141,10 +152,10 @@ def numbered(study, index, width):
 
 
 def test_a_store_of_own_parts_is_resumed_by_them_alone(study, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     folder = tmp_path / "s.zarr"
     kept = sweep(study, folder, progress=False)
-    monkeypatch.setattr(module, "solve", None)
+    monkeypatch.setattr(module, "flown", None)
     same = Study(cases=VARIED, case=case_with(), times=[0.05], **OPTIONS)
     xr.testing.assert_identical(sweep(same, folder, progress=False), kept)
     for case in (case_with(Breeze), case_with(height=0.3), case_with(ends=Ground())):
@@ -154,7 +165,7 @@ def test_a_store_of_own_parts_is_resumed_by_them_alone(study, tmp_path, monkeypa
 
 
 def test_a_store_of_own_parts_is_opened_without_them(study, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     kept = sweep(study, tmp_path / "s.zarr", progress=False)
     back = open_dataset(tmp_path / "s.zarr")
     xr.testing.assert_identical(back.drop_attrs(), kept.drop_attrs())
@@ -278,7 +289,7 @@ def test_own_states_are_kept(monkeypatch):
     glider = Glider(body, Gait.from_degrees(), LaggingCirculation(Polar.smooth()))
     study = Study({"lag": [5.0, 7.0]}, glider=glider, times=[0.0, 0.1], launch=Launch(0.3))
     assert study.state_size == 13 + 8
-    monkeypatch.setattr(module, "solve", numbered)
+    monkeypatch.setattr(module, "flown", in_parts(numbered))
     data = sweep(study, progress=False)
     assert data.own_states.dims == ("lag", "sample", "own_state")
     assert data.own_states.shape == (2, 2, 8)

@@ -76,7 +76,9 @@ def test_whole_flights_as_alone_within_the_tolerance():
         assert int(glide.outcome) == pooled["outcome"][k]
         np.testing.assert_allclose(pooled["landing_point"][k], glide.landing_point, atol=1e-5)
         steps.append(int(glide.accepted + glide.rejected))
-    np.testing.assert_allclose((pooled["accepted"] + pooled["rejected"]).sum(), sum(steps), 0.02)
+    np.testing.assert_allclose(
+        (pooled["accepted"] + pooled["rejected"]).sum(), sum(steps), 0.02
+    )
 
 
 def test_ends_of_all_kinds_as_alone():

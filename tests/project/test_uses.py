@@ -114,12 +114,13 @@ def test_a_slurm_cluster(folder, monkeypatch):
     assert namespace["data"].outcome.shape == (11, 3)
 
 
-def test_a_plain_process_has_one_device_and_the_variable_gives_more():
-    code = "import jax, jaxglide.ensemble.sweep; print(len(jax.local_devices(backend='cpu')))"
+def test_a_plain_process_flies_on_all_cores_and_the_variable_says_another_number():
+    code = "from jaxglide.ensemble.batch import workers; print(len(workers()))"
+    every = str(len(os.sched_getaffinity(0)))
     plain = {
         k: v for k, v in os.environ.items() if k not in ("XLA_FLAGS", "JAX_NUM_CPU_DEVICES")
     }
-    for more, count in (({}, "1"), ({"JAX_NUM_CPU_DEVICES": "3"}, "3")):
+    for more, count in (({}, every), ({"JAX_NUM_CPU_DEVICES": "3"}, "3")):
         done = subprocess.run(
             [sys.executable, "-c", code], env={**plain, **more}, capture_output=True, text=True
         )

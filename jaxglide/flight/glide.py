@@ -26,8 +26,9 @@ from .ends import (
     outcome_words,
 )
 from .integrate import with_room
+from .lane import Pilot
 from .launch import Launch, TakeOff, take_off
-from .pool import Pilot, Task
+from .pool import Task
 from .solve import Posed, Settings, Solved, settings_of, solve
 from .trajectory import AbstractTrajectory, steps_row
 

@@ -183,19 +183,25 @@ def _program(structure, leaves: tuple, max_steps: int, block: int) -> Program:
 
 
 def spread(one: Callable, devices: tuple, common: int):
-    """Compiled function of a batch whose lanes are shared out over the devices.
+    """Compiled function of a batch whose lanes are shared out over the `workers`.
 
-    Every device runs the same program by itself: divided among several, XLA would put
+    Every thread runs the same program by itself: divided among several, XLA would put
     together otherwise what it computes, and round otherwise.
 
     Args:
         one: pure function of one case (a dict of arrays) and of what all cases share, trees
             of arrays, which get no dimension for the lanes.
-        devices: JAX devices.
+        devices: the workers.
         common: number of shared arguments.
     """
-    compiled = jax.jit(jax.vmap(one, in_axes=(0,) + (None,) * common))
-    every = len(devices)
+    jitted = jax.jit(jax.vmap(one, in_axes=(0,) + (None,) * common))
+    every, compiling = len(devices), threading.Lock()
+
+    @lru_cache(maxsize=32)
+    def compiled(device, structure, shapes, x64):  # once, for all threads of a device
+        arguments = jax.tree.unflatten(structure, [jax.ShapeDtypeStruct(*s) for s in shapes])
+        with jax.enable_x64(x64), jax.default_device(device):
+            return jitted.lower(*arguments).compile()
 
     def run(columns: Mapping[str, Any], width: int, *shared) -> dict[str, np.ndarray]:
         count = len(jax.tree.leaves(columns)[0])
@@ -208,7 +214,12 @@ def spread(one: Callable, devices: tuple, common: int):
             source = np.minimum(np.arange(k, lanes, every), count - 1)
             batch = jax.tree.map(lambda v: v[source], dict(columns))
             with jax.enable_x64(x64):
-                flown = compiled(*jax.device_put((batch, *shared), devices[k]))
+                arguments = jax.device_put((batch, *shared), devices[k])
+                leaves, structure = jax.tree.flatten(arguments)
+                shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+                with compiling:
+                    program = compiled(devices[k], structure, shapes, x64)
+                flown = program(*arguments)
                 return {name: np.asarray(values) for name, values in flown.items()}
 
         if every == 1:

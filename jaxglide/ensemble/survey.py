@@ -14,7 +14,7 @@ from .._lib.units import labelled
 from ..flight.ends import default_ends, outcome_words
 from ..tunnel.fall import fall, read_records
 from ..tunnel.loads import MOMENT_PHASES, check_angles, over_phases
-from .batch import shared, spread
+from .batch import shared, spread, workers
 from .records import outcome_flags, stamp, study_coordinates
 from .study import Study
 
@@ -79,7 +79,7 @@ def survey(
 ) -> xr.Dataset:
     """Held glides of all cases of a study, and the moments by phase at every record.
 
-    All cases fall in one vmapped computation on all local devices, and all are read in
+    All cases fall in one vmapped computation on all cores, or GPUs, and all are read in
     another.
 
     Args:
@@ -110,7 +110,7 @@ def survey(
     check_range("interval", interval, "s", 1e-4, 10, shape=())
     check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True, shape=())
     lanes = study.lanes(np.arange(len(study)))
-    base, devices = study.base, tuple(jax.local_devices())
+    base, devices = study.base, workers()
     if base.launch.speed is None and "launch.speed" not in map(base.path, lanes):
         base = base.replace({"launch.speed": HELD_SPEED})
     arrays, key = shared(base)

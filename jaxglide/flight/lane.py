@@ -60,16 +60,21 @@ class Pilot(eqx.Module):
 
     field: Field
 
+    @property
+    def _term(self) -> Any:
+        return diffrax.ODETerm(self.field)  # type: ignore
+
     def _step(self, posed: Posed, args, tprev, tnext, y, inside):
         solver = dataclasses.replace(posed.settings.solver, scan_kind="lax")
-        term = diffrax.ODETerm(self.field)  # type: ignore
-        return solver.step(term, tprev, tnext, y, args, inside, False)
+        return solver.step(self._term, tprev, tnext, y, args, inside, False)
 
     def start(self, posed: Posed, args) -> Lane:
         """A lane at the start of a flight."""
         settings, t0, y = posed.settings, posed.t0, posed.state
-        order = settings.solver.error_order(diffrax.ODETerm(self.field))
-        tnext, control = posed.controller.init(None, t0, posed.t1, y, None, None, None, order)
+        order = settings.solver.error_order(self._term)
+        tnext, control = posed.controller.init(
+            self._term, t0, posed.t1, y, None, None, lambda *_: None, order
+        )
         shapes = eqx.filter_eval_shape(
             lambda: self._step(
                 posed,
@@ -77,7 +82,7 @@ class Pilot(eqx.Module):
                 t0,
                 tnext,
                 y,
-                settings.solver.init(diffrax.ODETerm(self.field), t0, tnext, y, args),
+                settings.solver.init(self._term, t0, tnext, y, args),
             )
         )
         info, inside = jax.tree.map(
@@ -113,11 +118,10 @@ class Pilot(eqx.Module):
         """
         settings, ends, t1 = posed.settings, posed.settings.ends, posed.t1
         upto = jnp.where(lane.fresh, lane.tprev, lane.tnext)
-        y1, error, info, inside, _ = self._step(
-            posed, args, lane.tprev, upto, lane.y, lane.inside
-        )
+        attempt: Any = self._step(posed, args, lane.tprev, upto, lane.y, lane.inside)
+        y1, error, info, inside, _ = attempt
         error = jnp.where(jnp.isnan(error), jnp.inf, error)
-        order = settings.solver.error_order(diffrax.ODETerm(self.field))
+        order: Any = settings.solver.error_order(self._term)
         keep, tprev, tnext, _, control, failed = posed.controller.adapt_step_size(
             lane.tprev, upto, lane.y, y1, args, error, order, lane.control
         )

@@ -78,6 +78,8 @@ class _Tasks:
     Shared ones stay single: a product with a matrix that all lanes share is one product.
     """
 
+    _static: Any  # of a task: what is no array, once one has been traced
+
     def __init__(self, prepare: Callable, one, shared):
         def arrays(values):
             task = prepare(values, *shared)

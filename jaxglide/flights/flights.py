@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
@@ -22,7 +21,7 @@ from .._lib.fields import parameters_of
 from .._lib.types import Array, Float
 from .._lib.units import labelled
 from ..body.snake import Snake
-from ..ensemble.batch import spread
+from ..ensemble.batch import spread, workers
 from ..ensemble.records import stamp
 from ..flight.dynamics import ANGLES, POSITION, VELOCITY, Glider
 from ..flight.ends import Outcome
@@ -274,7 +273,7 @@ def fly_flights(
     for name, scale in (("lift_scale", lift_scale), ("drag_scale", drag_scale)):
         check_range(name, scale, "", 0, 100, shape=())
     fields = {name: np.asarray(values) for name, values in vars(flights).items()}
-    fly = _flier(polar, nodes, tuple(jax.local_devices()))
+    fly = _flier(polar, nodes, workers())
     scales = (jnp.asarray(float(scale)) for scale in (lift_scale, drag_scale))
     flown = fly(fields, len(data["trial"]), *scales, jnp.asarray(float(tolerance)))
     found = _flown_dataset(data, flown)

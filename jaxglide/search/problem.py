@@ -1,6 +1,5 @@
 """A problem of optimisation, and its values and gradients at many points."""
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import KW_ONLY, InitVar, dataclass, field
@@ -17,6 +16,7 @@ from .._lib.defaults import SEARCH_TOLERANCE
 from .._lib.fingerprint import fingerprint
 from .._lib.records import encode
 from .._lib.types import Array, Float, Scalar
+from ..ensemble.batch import workers
 from ..ensemble.study import base_of, check_above_ground, fixed_case
 from ..flight.case import Case
 from ..flight.dynamics import Glider
@@ -318,11 +318,7 @@ class Evaluator:
             raise TypeError(f"problem = {problem!r} is not a Problem")
         self.told = warn_float32(problem.rtol, problem.atol)
         self.problem, self.gradients, self.width = problem, gradients, 0
-        # Optimistix's implicit derivatives do not trace under shard_map (0.1.0), so that
-        # threads share out the batches: over the cores of a CPU, or one a GPU.
-        devices = jax.local_devices()
-        on_cpu = devices[0].platform == "cpu"
-        self._workers = devices[:1] * (os.cpu_count() or 1) if on_cpu else devices
+        self._workers = workers()
 
     def fingerprint(self) -> str:
         """A digest of all that is computed, down to the code of the user's own objective."""
@@ -340,7 +336,7 @@ class Evaluator:
         Raises:
             ValueError: points of another shape, out of a parameter's range or not finite.
         """
-        problem, workers = self.problem, self._workers
+        problem, threads = self.problem, self._workers
         points, n = np.asarray(points, float), len(problem.names)
         if points.ndim != 2 or points.shape[1] != n or not len(points):
             raise ValueError(f"points of shape {points.shape} are not (S, {n}) or are none")
@@ -352,15 +348,15 @@ class Evaluator:
         self.told = self.told or warn_float32(rtol, atol)
         asked, given = problem.asked, problem.given(rtol, atol)
         if not self.width:  # kept, so that fewer points later compile nothing
-            batches = -(-len(points) // (_LANES * len(workers))) * len(workers)
+            batches = -(-len(points) // (_LANES * len(threads))) * len(threads)
             self.width = -(-len(points) // batches)
 
         def evaluate(k: int):
             index = np.minimum(np.arange(k, k + self.width), len(points) - 1)
-            batch = jax.device_put(points[index], workers[k // self.width % len(workers)])
+            batch = jax.device_put(points[index], threads[k // self.width % len(threads)])
             return tuple(map(np.asarray, _batch(asked, given, batch, self.gradients)))
 
-        with ThreadPoolExecutor(len(workers)) as pool:
+        with ThreadPoolExecutor(len(threads)) as pool:
             found = list(pool.map(evaluate, range(0, len(points), self.width)))
         values, gradients = (np.concatenate(part) for part in zip(*found, strict=True))
         return Evaluation(values[: len(points)], gradients[: len(points)])

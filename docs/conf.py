@@ -24,9 +24,10 @@ extensions = [
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
     "myst_nb",
-    "equations",  # these three: _ext/
+    "equations",  # these four: _ext/
     "outside",
     "parameters",
+    "streams",
 ]
 exclude_patterns = ["_build", "_cache", "_ext"]
 nitpicky = True

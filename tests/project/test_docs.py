@@ -86,3 +86,14 @@ def test_nothing_is_fetched_from_elsewhere(site):
 @pytest.mark.slow
 def test_the_whole_site_builds_with_its_pages_run(tmp_path):
     build(tmp_path)
+
+
+def test_what_a_cell_prints_is_not_broken(monkeypatch):
+    """A kernel passes on what a command prints by the hundred bytes, whatever the line."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "_ext"))
+    streams = importlib.import_module("streams")
+    printed = ("stdout", "path l"), ("stderr", "no"), ("stdout", "ength\n"), ("stderr", "te\n")
+    pieces = [{"output_type": "stream", "name": name, "text": text} for name, text in printed]
+    found = streams.joined([pieces[0], {"output_type": "display_data"}, *pieces[1:]])
+    assert [output.get("text") for output in found] == ["path length\n", None, "note\n"]
+    assert pieces[0]["text"] == "path l"  # the outputs in the cache stay as they are

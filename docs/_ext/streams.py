@@ -7,7 +7,7 @@ _coalesce = render.coalesce_streams
 
 
 def joined(outputs):
-    """The outputs of a cell, where all pieces of a stream are one, as myst-nb then cleans it."""
+    """The outputs of a cell, all pieces of a stream in one; myst-nb then cleans them."""
     whole, streams = [], {}
     for output in outputs:
         stream = output["output_type"] == "stream" and output["name"]

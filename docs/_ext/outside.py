@@ -28,6 +28,8 @@ _PAGES = {
     "xarray.DataArray": "https://docs.xarray.dev/en/stable/generated/xarray.DataArray.html",
     "xarray.Dataset": "https://docs.xarray.dev/en/stable/generated/xarray.Dataset.html",
 }
+# docstrings name them without their package
+_PAGES |= {name.rpartition(".")[2]: page for name, page in _PAGES.items()}
 _PYTHON = {"ValueError", "TypeError", "OSError", "KeyboardInterrupt", "ImportError", "object"}
 
 

@@ -62,7 +62,7 @@ class Root(Parser):
         )
         self.whole = whole
         version = f"jaxglide {VERSION}"
-        self.add_argument("--version", action="version", version=version, help="say which")
+        self.add_argument("--version", action="version", version=version, help="print the version")
         self.add_argument(
             "--print-completion",
             action=_Completion,

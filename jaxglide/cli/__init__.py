@@ -1,6 +1,7 @@
 """The command line: one file a command, which is loaded where it is the one to run."""
 
 import contextlib
+import gc
 import io
 import os
 import sys
@@ -53,6 +54,19 @@ def _standard_output() -> Iterator[None]:
             raise WriteError(f"cannot write standard output: {error.strerror}") from error
 
 
+@contextlib.contextmanager
+def _loading() -> Iterator[None]:
+    """Load without looking for garbage among a million objects that stay, now or later."""
+    looking = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+        gc.freeze()
+    finally:
+        if looking:
+            gc.enable()
+
+
 def _drop_output() -> None:
     """What is left to print goes nowhere; see `BrokenPipeError` at docs.python.org."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -73,7 +87,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             if not words:
                 print(FIRST_STEPS, end="")
                 return 0
-            args = _parser(words).parse_args(words)
+            with _loading():
+                args = _parser(words).parse_args(words)
             check_output(args)
             check_ranges(args)
             return args.run(args)

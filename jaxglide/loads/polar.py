@@ -17,7 +17,6 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from .._lib.checks import check_choice, check_integer, check_range, is_traced
 from .._lib.fields import Part, about, floats
@@ -123,6 +122,8 @@ def _cubic_cells(harmonics: int | None = None) -> np.ndarray:
     Re. Lift fades to zero from -10 to -90
     degrees (an assumption, as the published clamp is: nothing was measured there).
     """
+    from scipy.interpolate import CubicSpline
+
     cells = []
     for name, (table, below, sign) in _halves().items():
         fade = np.sin(np.deg2rad(90 * (below + 90) / 80)) if name == "lift" else 1 + 0 * below

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
 
 from .._lib.types import Array, Float, Scalar
 
@@ -24,6 +23,8 @@ def basis(knots: tuple[float, ...], ends: str = "clamped") -> np.ndarray:
     Of powers 0 to 3 of the time from the piece's start; the last is the integral from the
     first knot to there. `ends` is SciPy's boundary condition.
     """
+    from scipy.interpolate import CubicSpline, PPoly
+
     pieces = CubicSpline(knots, np.eye(len(knots)), bc_type=ends)
     whole = PPoly(pieces.c, pieces.x).antiderivative()
     powers = pieces.c[::-1].transpose(1, 0, 2)

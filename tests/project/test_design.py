@@ -145,7 +145,7 @@ def loaded(*heavy):
 for name in ("Snake", "TabulatedBody", "Gait", "Driven", "Gust", "Polar", "AngleLimit", "open"):
     getattr(jaxglide, name)
 jaxglide.simulate, jaxglide.trim
-assert not loaded("xarray", "jaxglide.ensemble"), "for one glide"
+assert not loaded("xarray", "scipy", "jaxglide.ensemble"), "for one glide"
 for name in jaxglide.__all__:
     getattr(jaxglide, name)
 assert loaded("xarray")

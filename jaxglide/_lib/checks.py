@@ -32,6 +32,22 @@ def all_known(*trees: Any) -> bool:
     return not any(map(is_traced, [*jax.tree.leaves(trees), jnp.add(0, 0)]))
 
 
+def floating(value: Any) -> Array:
+    """A float array of JAX. What is known is converted by NumPy: JAX would compile for it."""
+    known = isinstance(value, Tracer | jax.Array)
+    return jnp.asarray(value if known else np.asarray(value, jnp.result_type(float)), float)
+
+
+def in_numpy(value: Any) -> Any:
+    """The same in NumPy, whose arithmetic compiles nothing, unless it is traced."""
+    return value if is_traced(value) else np.asarray(value)
+
+
+def radians(degrees: Any) -> Any:
+    """Degrees as radians, in NumPy unless they are traced."""
+    return jnp.deg2rad(degrees) if is_traced(degrees) else np.deg2rad(np.asarray(degrees))
+
+
 def number(name: str) -> Callable[[Any], Array]:
     """Converter of a field to a float array; `TypeError` names what is no number."""
 
@@ -39,7 +55,7 @@ def number(name: str) -> Callable[[Any], Array]:
         try:
             if not is_traced(value) and np.asarray(value).dtype.kind in "bcSU":
                 raise TypeError
-            return jnp.asarray(value, float)
+            return floating(value)
         except (TypeError, ValueError, OverflowError):
             raise TypeError(f"{name} = {value!r} is not a number") from None
 

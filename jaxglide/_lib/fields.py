@@ -13,10 +13,9 @@ from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
-from .checks import check_range, check_shapes, is_traced
+from .checks import check_range, check_shapes, floating, is_traced
 from .documents import shown
 
 _METADATA = "parameter"
@@ -85,7 +84,7 @@ def floats(value: Any) -> Any:
     try:
         if not is_traced(value) and np.asarray(value).dtype.kind in "bcSU":
             return value
-        return jnp.asarray(value, float)
+        return floating(value)
     except (TypeError, ValueError, OverflowError):
         return value
 

@@ -14,6 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from .checks import floating, in_numpy
 from .fields import Parameter, parameters_of
 
 _Module = TypeVar("_Module", bound=eqx.Module)
@@ -110,7 +111,7 @@ def put(module: _Module, values: Mapping[str, Any]) -> _Module:
         values: by path, in the units of their parameters.
     """
     for path, value in values.items():
-        inside = described(module, path).factor * jnp.asarray(value, float)
+        inside = floating(described(module, path).factor * in_numpy(floating(value)))
         found = _INDEX.fullmatch(path)
         if found:
             path, index = found["path"], tuple(map(int, found["index"].split(",")))

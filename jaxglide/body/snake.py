@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import check_range, is_traced
+from .._lib.checks import check_range, in_numpy, is_traced
 from .._lib.fields import about, floats
 from .._lib.types import Array, Float, Scalar
 from .sections import (
@@ -40,14 +40,13 @@ def mass_from_length(svl):
 
     Socha and LaBarbera 2005, doi:10.1242/jeb.01579.
     """
-    xp = (
-        jnp if is_traced(svl) else np
-    )  # two operations of JAX cost a tenth of a second at first
+    svl = in_numpy(svl)
+    xp = jnp if is_traced(svl) else np
     return 1e-3 * xp.exp(-9.94919177 + 3.19831074 * xp.log(100 * svl))
 
 
 def _by_length(snake: "Snake") -> Scalar:
-    return jnp.asarray(mass_from_length(snake.length))
+    return mass_from_length(snake.length)
 
 
 class Snake(AbstractBody):

@@ -68,12 +68,14 @@ def _run(args) -> int:
 
 def _plain(glide) -> dict:
     """What `--json` prints of a glide."""
+    import jax
     import numpy as np
 
     def angles(values):
         degrees = np.rad2deg(np.asarray(values))
         return dict(zip(("yaw", "pitch", "roll"), map(float, degrees), strict=True))
 
+    glide = jax.device_get(glide)
     start = glide.take_off
     return {
         "outcome": glide.ending,

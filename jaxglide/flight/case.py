@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 
 from .._lib import paths
-from .._lib.checks import check_kind, check_shapes
+from .._lib.checks import check_kind, check_shapes, in_numpy
 from .._lib.fields import Parameter, Part
 from .dynamics import Glider
 from .ends import AbstractEnd, check_ends, default_ends
@@ -77,7 +77,7 @@ class Case(Part):
         """Its value, in the unit that people read, or None where it is left out."""
         path = _inside(self, self.path(name))
         found = paths.get(self, path)
-        return None if found is None else found / paths.described(self, path).factor
+        return None if found is None else in_numpy(found) / paths.described(self, path).factor
 
     def check(self, values: Mapping[str, Any]) -> None:
         """Raise `ValueError` for an unknown name, a value out of range, or an array's name.

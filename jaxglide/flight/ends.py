@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import check_given, check_kind, is_traced, result_of
+from .._lib.checks import check_given, check_kind, is_traced, radians, result_of
 from .._lib.fields import Part, about, as_names, floats, recheck
 from .._lib.types import Array, Float, Scalar, State, Vec3
 from ..shape.shapes import as_module
@@ -150,7 +150,7 @@ class AngleLimit(AbstractEnd):
     @classmethod
     def degrees(cls, limit=85.0, angles: str | Sequence[str] = TURNS) -> "AngleLimit":
         """The same with the limit in degrees."""
-        return cls(jnp.deg2rad(limit), angles)
+        return cls(radians(limit), angles)
 
     @property
     def words(self):

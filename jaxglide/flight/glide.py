@@ -91,10 +91,10 @@ class Glide(AbstractTrajectory):
                 f"{np.asarray(self.time).size} glides",
                 tuple((words[code], f"  {count}") for code, count in rows),
             )
-        x, y, z = np.asarray(self.landing_point)
-        end, most, start = (
-            np.rad2deg(np.asarray(a))
-            for a in (self.end_angles, self.max_angles, self.take_off.angles)
+        known = jax.device_get(self)  # JAX would compile every slice of it
+        x, y, z = known.landing_point
+        end, most, start = map(
+            np.rad2deg, (known.end_angles, known.max_angles, known.take_off.angles)
         )
 
         def triple(a):
@@ -106,9 +106,9 @@ class Glide(AbstractTrajectory):
             f"after {float(self.time):.4f} s",
             (
                 ("end point", f"x {x:.4f}   y {y:.4f}   z {z:.4f} m"),
-                ("path length", f"{float(self.path_length):.4f} m horizontally"),
-                ("height lost", f"{float(self.height_lost):.4f} m"),
-                ("glide angle", f"{float(np.rad2deg(self.glide_angle)):.2f} deg at the end"),
+                ("path length", f"{known.path_length:.4f} m horizontally"),
+                ("height lost", f"{known.height_lost:.4f} m"),
+                ("glide angle", f"{np.rad2deg(known.glide_angle):.2f} deg at the end"),
                 ("launch", f"{speed:.4f} m/s, phase {phase:.6f} rad"),
                 ("launch angles", triple(start)),
                 ("end angles", triple(end)),

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from .._lib.checks import check_integer, check_kind, check_range, is_traced, number
+from .._lib.checks import check_integer, check_kind, check_range, floating, is_traced, number
 from .._lib.types import Array, Bool, Float, Integer, Scalar, State, Vec3
 from .ends import AbstractEnd, Outcome, check_ends, clearance, outcome_codes
 from .peaks import PeakController
@@ -92,9 +92,9 @@ def settings_of(
         if not is_traced(times) and np.any(np.diff(times) < 0):
             raise ValueError("times must increase")
     return Settings(
-        rtol=jnp.asarray(rtol, float),
-        atol=jnp.asarray(atol, float),
-        max_time=jnp.asarray(max_time, float),
+        rtol=floating(rtol),
+        atol=floating(atol),
+        max_time=floating(max_time),
         times=times,
         ends=check_ends(ends),
         solver=diffrax.Dopri5() if solver is None else solver,

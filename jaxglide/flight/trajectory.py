@@ -4,6 +4,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from .._lib.checks import all_known, check_integer, check_kind, check_range, check_shape, number
 from .._lib.report import Report, Reported
@@ -86,7 +87,8 @@ class AbstractTrajectory(eqx.Module, Reported):
     def glide_angle(self) -> Float[Array, "..."]:
         """Angle of the path over the ground below the horizontal at the end [rad]."""
         v = self.velocity
-        return jnp.arctan2(-v[..., 2], jnp.hypot(v[..., 0], v[..., 1]))
+        xp = np if isinstance(v, np.ndarray) else jnp
+        return xp.arctan2(-v[..., 2], xp.hypot(v[..., 0], v[..., 1]))
 
     def at(self, times) -> Float[Array, "T s"]:
         """States at `times` [s], (T,) to (T, s), NaN outside; needs a dense trajectory."""
@@ -126,7 +128,7 @@ class Trajectory(AbstractTrajectory):
 
     def report(self) -> Report:
         check_single(self)
-        x, y, z = map(float, self.landing_point)
+        x, y, z = jax.device_get(self).landing_point
         return Report(
             f"Flight from {float(self.start_time):.4f} s: {self.ending} at "
             f"{float(self.time):.4f} s",

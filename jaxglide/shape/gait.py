@@ -8,7 +8,7 @@ the wave number and frequency. Both depend on time only through the phase
 import equinox as eqx
 import jax.numpy as jnp
 
-from .._lib.checks import check_range, is_traced, number
+from .._lib.checks import check_range, in_numpy, is_traced, number, radians
 from .._lib.fields import about, floats, parameters_of
 from .._lib.numerics import sincos
 from .._lib.types import ArrayLike, Nodes, Scalar
@@ -23,7 +23,7 @@ def shape_line(nu_theta):
 
 
 def _on_the_line(gait: "Gait") -> Scalar:
-    return jnp.deg2rad(shape_line(gait.nu_theta))
+    return radians(shape_line(in_numpy(gait.nu_theta)))
 
 
 class Gait(AbstractMotion):
@@ -131,8 +131,8 @@ class Gait(AbstractMotion):
         for name, value in degrees.items():
             known = parameters_of(cls)[name]
             check_range(name, value, "deg", known.low, known.high, shape=())
-        radians = {name: jnp.deg2rad(number(name)(value)) for name, value in degrees.items()}
-        return cls(nu_theta=nu_theta, f_theta=f_theta, **radians)
+        angles = {name: radians(number(name)(value)) for name, value in degrees.items()}
+        return cls(nu_theta=nu_theta, f_theta=f_theta, **angles)
 
     @property
     def straight(self) -> bool:

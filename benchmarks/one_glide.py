@@ -1,7 +1,8 @@
 """One 10 m glide, launch included, against NumPy and SciPy at matched landing accuracy.
 
 For either code and polar the loosest of a few tolerances whose landing point is within the
-target of that code's own solution at 1e-10 is timed.
+target of that code's own solution at 1e-10 is timed. Ratios are of processor times, which are
+of all threads: a glide uses one core.
 """
 
 import numpy as np
@@ -49,7 +50,7 @@ def main() -> None:
                 good = [max(errors[i:]) <= target for i in range(len(errors))]
                 index = good.index(True)
                 timing = measure(fly, TOLERANCES[index], repeats=9)
-                pair[code] = timing["median_s"]
+                pair[code] = timing["processor_s"]
                 rows.append(
                     {
                         "polar": polar,
@@ -60,6 +61,7 @@ def main() -> None:
                         "median_ms": 1e3 * timing["median_s"],
                         "lower_ms": 1e3 * timing["lower_s"],
                         "upper_ms": 1e3 * timing["upper_s"],
+                        "processor_ms": 1e3 * timing["processor_s"],
                     }
                 )
             rows[-1]["times_faster"] = pair["numpy"] / pair["jaxglide"]

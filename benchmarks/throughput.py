@@ -1,24 +1,30 @@
-"""Glides per second of a sweep as their number grows, on one core and on all, or on a GPU.
+"""Glides per second of a sweep as their number grows: on cores, on devices, on a GPU.
 
-Every row is a process of its own, so that its peak memory is its own. `--gpu` runs float64
-and float32 at 10^4 to 10^6 glides and compares landing points with float64 on the CPU.
+Every row is a process of its own, so that its peak memory is its own. Without options: both
+polars on all cores, and what lanes do in fixed batches and in pools, from the steps counted.
+`--gpu`: 10^3 to 10^6 glides in float64 and float32, against the CPU. `--devices N`: the same
+code on N virtual devices of the CPU.
 """
 
 import argparse
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
+from unittest import mock
 
 import numpy as np
 
 from timing import report
 
-SIZES = (242, 1000, 4000, 20_000)
-GPU_SIZES = (10_000, 100_000, 1_000_000)
-COMPARED = 2000  # glides whose landing points are compared with the CPU's
+POLARS = ("smooth", "published")
+SIZES = (1000, 4000, 20_000)
+GPU_SIZES = (1000, 10_000, 100_000, 1_000_000)
+COMPARED = 1000  # glides whose landing points are compared with the CPU's
 
 RANGES = {
     "nu_theta": (1.0, 1.5),
@@ -36,90 +42,163 @@ def cases(count: int) -> dict[str, np.ndarray]:
     return {name: low + (high - low) * column for (name, (low, high)), column in spans}
 
 
-def run(count: int, double: bool, width: int | None) -> dict:
-    """One row, measured in this process."""
+class Power:
+    """Mean power [W] of the GPU while this is open; none where nvidia-smi does not tell."""
+
+    mean: float | None = None
+
+    _told: subprocess.Popen | None = None
+
+    def __enter__(self):
+        if shutil.which("nvidia-smi"):
+            query = "--query-gpu=power.draw --format=csv,noheader,nounits --id=0 -lms 100"
+            self._told = subprocess.Popen(
+                ["nvidia-smi", *query.split()],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+            )
+        return self
+
+    def __exit__(self, *_):
+        if self._told:
+            self._told.terminate()
+            words = self._told.communicate()[0].split("\n")[:-1]  # the last may be cut off
+            watts = [float(x) for x in words if x.strip().replace(".", "", 1).isdigit()]
+            self.mean = float(np.mean(watts)) if watts else None
+
+
+def busy_share(study, width: int) -> tuple:
+    """A sweep, and the share of the lanes' steps that were of a flight."""
+    from jaxglide.ensemble import batch
+    from jaxglide.ensemble.sweep import sweep
+
+    turns, fly = [], batch.fly
+
+    def counted(program, values, lanes, *rest):
+        for ended in fly(program, values, lanes, *rest):
+            turns.append((int(ended[2].busy), lanes * int(ended[2].steps)))
+            yield ended
+
+    with mock.patch.object(batch, "fly", counted):
+        data = sweep(study, width=width, progress=False)
+    busy, steps = np.sum(turns, axis=0)
+    return data, float(busy / steps)
+
+
+def run(glides: int, polar: str, double: bool, width: int | None) -> dict:
+    """One row, measured in this process; `told` is not for the table."""
     import jax
 
     jax.config.update("jax_enable_x64", double)
-    from jaxglide.ensemble.batch import default_width
+    from jaxglide.ensemble.batch import default_width, workers
     from jaxglide.ensemble.study import Study
-    from jaxglide.ensemble.sweep import sweep
 
     tolerance = 1e-6 if double else 1e-5
-    given = {"rtol": tolerance, "atol": tolerance, "setup": {"polar": "smooth"}}
-    study = Study(cases=cases(count), **given)
-    width = min(width or default_width(study), count)
-    warm = Study(cases=cases(width), **given)
+    given = {"rtol": tolerance, "atol": tolerance, "setup": {"polar": polar}}
+    study = Study(cases=cases(glides), **given)
+    width = width or default_width(study)
     begin = time.perf_counter()
-    sweep(warm, width=width, progress=False)
+    busy_share(study.part(np.arange(min(64, glides))), width)
     compiled = time.perf_counter() - begin
-    begin = time.perf_counter()
-    data = sweep(study, width=width, progress=False)
-    took = time.perf_counter() - begin
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    landing = data.landing_point.values[:COMPARED, :2].tolist()
+    with Power() if jax.default_backend() == "gpu" else nullcontext() as power:
+        begin, processor = time.perf_counter(), time.process_time()
+        data, busy = busy_share(study, width)
+        took, worked = time.perf_counter() - begin, time.process_time() - processor
+    watts = power and power.mean
+    memory = (jax.local_devices()[0].memory_stats() or {}).get("peak_bytes_in_use")
+    # attempts, and the rate at the start, which is a step too
+    told = {"landing": data.landing_point.values[:COMPARED, :2].tolist()}
+    told["steps"] = (data.accepted + data.rejected + 1).values.tolist()
     return {
-        "glides": count,
+        "glides": glides,
+        "polar": polar,
         "float": 64 if double else 32,
-        "devices": len(jax.local_devices()),
-        "width": width,
+        "workers": len(workers()),
+        "lanes": width,
         "first_s": compiled,
         "seconds": took,
-        "ms_per_glide": 1e3 * took / count,
-        "peak_mib": peak,
-        "landing": landing,
+        "processor_s": worked,
+        "ms_per_glide": 1e3 * took / glides,
+        "glides_per_s": glides / took,
+        "glides_per_joule": watts and glides / took / watts,
+        "busy": busy,
+        "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "gpu_peak_mib": memory and memory / 2**20,
+        "told": told,
     }
 
 
-def process(count: int, *, double=True, cores=None, platform="cpu", width=None) -> dict:
-    """One row, measured in a fresh process."""
-    environment = {**os.environ, "JAX_PLATFORMS": platform}
+def process(glides, polar="smooth", *, double=True, width=None, cores=None, **environment):
+    """One row, measured in a fresh process, and what it tells beside."""
+    environment = {"JAX_PLATFORMS": "cpu", **os.environ, **environment}
     environment.setdefault("XLA_FLAGS", "--xla_cpu_prefer_vector_width=512")
-    command = [sys.executable, __file__, "--row", str(count), "--double", str(int(double))]
-    command += [] if width is None else ["--width", str(width)]
-    if platform == "cpu":
-        cores = cores or os.cpu_count() or 1
-        environment["JAX_NUM_CPU_DEVICES"] = str(cores)
-        command = ["taskset", "-c", f"0-{cores - 1}", *command]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout.splitlines()[-1])
+    row = {"glides": glides, "polar": polar, "double": double, "width": width}
+    command = [sys.executable, __file__, "--row", json.dumps(row)]
+    allowed = sorted(os.sched_getaffinity(0))[:cores]
+    command = ["taskset", "-c", ",".join(map(str, allowed)), *command]
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True)
+    done.check_returncode()
+    found = {"cores": len(allowed), **json.loads(done.stdout.splitlines()[-1])}
+    told = {name: np.array(values) for name, values in found.pop("told").items()}
+    print({name: found[name] for name in ("glides", "polar", "seconds", "busy")}, flush=True)
+    return found, told
 
 
-def on_cpu() -> None:
-    rows = [process(count) for count in SIZES]
-    rows.append(process(SIZES[2], cores=1))
-    for row in rows:
-        row.pop("landing")
-    rows[-1]["speedup_of_all_cores"] = rows[-1]["seconds"] / rows[2]["seconds"]
-    report("throughput", rows)
+def on_cpu(sizes) -> None:
+    import lanes
+
+    rows, waiting = [], []
+    for polar in POLARS:
+        told = {}
+        for count in sizes:
+            row, told = process(count, polar)
+            rows.append(row)
+        waiting += lanes.table(told["steps"], polar=polar)
+    row, _ = process(sizes[1], cores=1)
+    row["speedup_of_all_cores"] = row["seconds"] / rows[1]["seconds"]
+    report("throughput", [*rows, row])
+    report("lanes", waiting)
 
 
-def on_gpu() -> None:
-    truth = np.array(process(COMPARED)["landing"])
+def compared(settings, truth, name: str) -> None:
+    """Rows beside the CPU's landing points, by polar."""
     rows = []
-    for double in (True, False):
-        for count in GPU_SIZES:
-            row = process(count, double=double, platform="cuda")
-            landing = np.array(row.pop("landing"))[: len(truth)]
-            apart = np.linalg.norm(landing - truth, axis=1)
-            rows.append({**row, "over_1_cm": float((apart > 0.01).mean())})
-            print(rows[-1], flush=True)
-    report("throughput_gpu", rows)
+    for given in settings:
+        row, told = process(**given)
+        expected = truth[row["polar"]][: row["glides"]]
+        apart = np.linalg.norm(told["landing"][: len(expected)] - expected, axis=1)
+        row["within_1_cm"] = float((apart <= 0.01).mean())
+        rows.append({**row, "same_bits": float((apart == 0).mean())})
+    report(name, rows)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--gpu", action="store_true", help="on a GPU")
-    parser.add_argument("--row", type=int, help=argparse.SUPPRESS)
-    parser.add_argument("--double", type=int, default=1, help=argparse.SUPPRESS)
-    parser.add_argument("--width", type=int, help="glides per batch")
+    parser.add_argument("--devices", type=int, help="on so many virtual devices of the CPU")
+    parser.add_argument("--sizes", type=int, nargs="+", help="numbers of glides")
+    parser.add_argument("--row", type=json.loads, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.row:
-        print(json.dumps(run(given.row, bool(given.double), given.width)))
-    elif given.gpu:
-        on_gpu()
+        print(json.dumps(run(**given.row)))
+        return
+    if not (given.gpu or given.devices):
+        on_cpu(given.sizes or SIZES)
+        return
+    truth = {polar: process(COMPARED, polar)[1]["landing"] for polar in POLARS}
+    if given.gpu:
+        sizes, doubles, where = GPU_SIZES, (True, False), {"JAX_PLATFORMS": "cuda"}
     else:
-        on_cpu()
+        where = {"JAX_NUM_CPU_DEVICES": str(given.devices)}
+        sizes, doubles = SIZES[1:2], (True,)
+    rows = [
+        {"glides": count, "polar": polar, "double": double, **where}
+        for polar in POLARS
+        for double in doubles
+        for count in given.sizes or sizes
+    ]
+    compared(rows, truth, "throughput_gpu" if given.gpu else "throughput_devices")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""What `asv` times at one commit after the other; see `benchmarks/README.md`."""

@@ -170,9 +170,10 @@ class Cycle(eqx.Module):
 
     def slope(self, phase: Scalar) -> Scalar:
         """Half the derivative of |momentum|^2 with respect to phase."""
-        k = jnp.arange(self.cosines.shape[1])
-        rate = _evaluate(k * self.sines[:3], -k * self.cosines[:3], phase)
-        return jnp.sum(self.momentum(phase) * rate)
+        k, cosines, sines = jnp.arange(self.cosines.shape[1]), self.cosines[:3], self.sines[:3]
+        both = jnp.concatenate([cosines, k * sines]), jnp.concatenate([sines, -k * cosines])
+        values = _evaluate(*both, phase)
+        return jnp.sum(values[:3] * values[3:])
 
 
 def _evaluate(cosines, sines, phase):
@@ -223,6 +224,12 @@ class _FreeBody(NamedTuple):
     momentum_I: Vec3
 
 
+def _turning(angles, h, tensor, momentum_I) -> Vec3:
+    """Rates of the angles per cycle, of a body whose angular momentum stays."""
+    momentum_B = jnp.sum(rotation_matrix(angles) * momentum_I, axis=1)
+    return angle_rates(angles, solve3(tensor, momentum_B + 2 * jnp.pi * h))
+
+
 def _free_rotation(time: Scalar, state: Float[Array, "6"], body: _FreeBody):
     """Rates per undulation cycle, without air and gravity, of the angles and their integral.
 
@@ -230,12 +237,8 @@ def _free_rotation(time: Scalar, state: Float[Array, "6"], body: _FreeBody):
     state; and everything scales with frequency, so that its path over a cycle does not
     depend on it.
     """
-    rate = -2 * jnp.pi
-    h, tensor = body.cycle.momentum_and_tensor(body.phi_theta + rate * time)
-    angles = state[:3]
-    momentum_B = jnp.sum(rotation_matrix(angles) * body.momentum_I, axis=1)
-    omega_B = solve3(tensor, momentum_B - rate * h)
-    return jnp.concatenate([angle_rates(angles, omega_B), angles])
+    h, tensor = body.cycle.momentum_and_tensor(body.phi_theta - 2 * jnp.pi * time)
+    return jnp.concatenate([_turning(state[:3], h, tensor, body.momentum_I), state[:3]])
 
 
 def launch_angles(cycle: Cycle, phi_theta: Scalar, adjoint: diffrax.AbstractAdjoint) -> Vec3:
@@ -243,23 +246,22 @@ def launch_angles(cycle: Cycle, phi_theta: Scalar, adjoint: diffrax.AbstractAdjo
 
     The mean is over n = `_MEAN` equally spaced times including the start but not the end:
     by the Euler-Maclaurin formula the integral of the angles, less (end - start)/(2 n), plus
-    (rate at end - rate at start)/(12 n^2).
+    (rate at end - rate at start)/(12 n^2), which is 0 at the start.
 
     Args:
         cycle: inertia of the body over its cycle.
         phi_theta: launch phase [rad].
         adjoint: how Diffrax differentiates.
     """
-    momentum = -2 * jnp.pi * cycle.momentum(phi_theta)
-    body = _FreeBody(cycle, phi_theta, momentum)
-    start = jnp.zeros((6,), momentum.dtype)
+    h, tensor = cycle.momentum_and_tensor(phi_theta)  # at the end as well
+    body = _FreeBody(cycle, phi_theta, -2 * jnp.pi * h)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_free_rotation),  # type: ignore
         diffrax.Dopri8(),
         t0=0.0,
         t1=1.0,
         dt0=1 / _STEPS,
-        y0=start,
+        y0=jnp.zeros((6,), h.dtype),
         args=body,
         stepsize_controller=diffrax.ConstantStepSize(),
         adjoint=adjoint,
@@ -268,8 +270,8 @@ def launch_angles(cycle: Cycle, phi_theta: Scalar, adjoint: diffrax.AbstractAdjo
     )
     assert solution.ys is not None
     end = solution.ys[0]
-    rates = _free_rotation(jnp.ones(()), end, body) - _free_rotation(jnp.zeros(()), start, body)
-    return end[:3] / (2 * _MEAN) - end[3:] - rates[:3] / (12 * _MEAN**2)
+    rates = _turning(end[:3], h, tensor, body.momentum_I)
+    return end[:3] / (2 * _MEAN) - end[3:] - rates / (12 * _MEAN**2)
 
 
 def take_off(

@@ -168,6 +168,7 @@ class Cycle(eqx.Module):
         values = _evaluate(self.cosines, self.sines, phase)
         return values[:3], values[3:].reshape(3, 3)
 
+    @jax.jit  # traced once: the root's finder asks again and again
     def slope(self, phase: Scalar) -> Scalar:
         """Half the derivative of |momentum|^2 with respect to phase."""
         k, cosines, sines = jnp.arange(self.cosines.shape[1]), self.cosines[:3], self.sines[:3]
@@ -230,6 +231,7 @@ def _turning(angles, h, tensor, momentum_I) -> Vec3:
     return angle_rates(angles, solve3(tensor, momentum_B + 2 * jnp.pi * h))
 
 
+@jax.jit  # traced once, however often Diffrax asks
 def _free_rotation(time: Scalar, state: Float[Array, "6"], body: _FreeBody):
     """Rates per undulation cycle, without air and gravity, of the angles and their integral.
 

@@ -19,6 +19,9 @@ def configure() -> None:
     os.environ["XLA_FLAGS"] = " ".join([given, *flags]).strip()
     # Loading a cached executable logs a page about tuning hints as an error.
     os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
+    # Checks within compiled code call back to Python, and what does is not kept in the cache.
+    # Arguments are checked before; nothing raises from there on.
+    os.environ.setdefault("EQX_ON_ERROR", "off")
     # No figure is shown here, and a notebook's backend may be one that is not installed.
     os.environ["MPLBACKEND"] = "agg"
     settings: dict[str, Any] = {

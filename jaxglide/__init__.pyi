@@ -1,5 +1,6 @@
 """The names of `jaxglide`, from whatever room they come: read when the package is imported."""
 
+from ._lib.cache import cache
 from ._lib.fields import Parameter, about, floats
 from .air import AbstractAir, Gust, ShearWind, StillAir, Turbulence, UniformWind
 from .body import AbstractBody, Sections, Snake, TabulatedBody, discretise, mass_from_length
@@ -163,6 +164,7 @@ __all__ = [
     "Waveform",
     "about",
     "body_polar",
+    "cache",
     "clearance",
     "compare_paths",
     "curvature",

@@ -3,9 +3,9 @@
 import contextlib
 import os
 import sys
-import warnings
-from pathlib import Path
 from typing import Any
+
+from .._lib.cache import LEAST, cache_folder, quiet
 
 _XLA_FLAGS = ("--xla_cpu_prefer_vector_width=512",)
 """Measured in benchmarks/README.md; a user's own XLA_FLAGS win."""
@@ -17,8 +17,7 @@ def configure() -> None:
     names = given.replace("=", " ").split()
     flags = [flag for flag in _XLA_FLAGS if flag.split("=")[0] not in names]
     os.environ["XLA_FLAGS"] = " ".join([given, *flags]).strip()
-    # Loading a cached executable logs a page about tuning hints as an error.
-    os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
+    quiet()
     # Checks within compiled code call back to Python, and what does is not kept in the cache.
     # Arguments are checked before; nothing raises from there on.
     os.environ.setdefault("EQX_ON_ERROR", "off")
@@ -26,12 +25,11 @@ def configure() -> None:
     os.environ["MPLBACKEND"] = "agg"
     settings: dict[str, Any] = {
         "jax_enable_x64": True,
-        "jax_persistent_cache_min_compile_time_secs": 0.2,
+        "jax_persistent_cache_min_compile_time_secs": LEAST,
     }
-    if not os.environ.get("JAX_COMPILATION_CACHE_DIR") and (cache := _cache()):
-        settings["jax_compilation_cache_dir"] = cache
+    if not os.environ.get("JAX_COMPILATION_CACHE_DIR") and (folder := cache_folder()):
+        settings["jax_compilation_cache_dir"] = folder
     _set(settings)
-    warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
 
 
 def _set(settings: dict[str, Any]) -> None:
@@ -44,12 +42,3 @@ def _set(settings: dict[str, Any]) -> None:
     for name, value in settings.items():
         with contextlib.suppress(RuntimeError):  # JAX is at work already: its devices stay
             jax.config.update(name, value)
-
-
-def _cache() -> str | None:
-    """The folder of compiled code; none for a user without a home, whom no other may serve."""
-    try:
-        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    except RuntimeError:
-        return None
-    return str(home / "jaxglide")

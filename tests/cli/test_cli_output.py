@@ -12,7 +12,8 @@ import pytest
 import xarray as xr
 
 from jaxglide import Gait, Glider, Ground, Plane, Snake, Study, cli
-from jaxglide.cli import _setup, glide
+from jaxglide._lib.cache import cache_folder
+from jaxglide.cli import glide
 from jaxglide.cli._options import check_output, write
 from jaxglide.cli.figure import _FIGURES, _scripts
 from jaxglide.cli.sweep import _report
@@ -221,10 +222,10 @@ def test_no_home_one_core_and_a_notebooks_backend():
 
 def test_compiled_code_is_kept_where_caches_are(monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", "/some/where")
-    assert _setup._cache() == "/some/where/jaxglide"
+    assert cache_folder() == "/some/where/jaxglide"
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", "/my")
-    assert _setup._cache() == "/my/.cache/jaxglide"
+    assert cache_folder() == "/my/.cache/jaxglide"
 
 
 def test_ends_of_the_same_words_are_counted_together(capsys):

@@ -12,6 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
 
 from .types import Array
 
@@ -57,25 +59,29 @@ def _horner(coefficients: tuple[float, ...], z: Array) -> Array:
     return reduce(lambda total, c: total * z + c, coefficients[-2::-1], coefficients[-1])  # type: ignore
 
 
-@jax.custom_jvp
 def once(x: Array) -> Array:
-    """`x`, which is finite, computed once for all that use it.
+    """`x`, which is finite, computed once for all that use it, and so its tangents.
 
     XLA's CPU backend computes what is cheap anew for everything that uses it, a gather even
     for every number that it fetches; what ends in a division it keeps.
     """
-    return _kept(x, x)
+    return _ONCE.bind(x)
 
 
-def _kept(value: Array, finite: Array) -> Array:
-    """`value`, divided by a one that the compiler does not know for one."""
-    return value / (1 + (finite - finite))
+def _divided(x: Array) -> Array:
+    """`x`, divided by a one that the compiler does not know for one."""
+    return x / (1 + (x - x))
 
 
-@once.defjvp
-def _once_jvp(primals, tangents):
-    (x,), (dx,) = primals, tangents
-    return once(x), _kept(dx, x)
+# A primitive, since the division is not linear, and must be transposed as if it were. Divided
+# by a one made from the value, which all its tangents share, they would not be kept: for a
+# shared divisor the compiler multiplies by its inverse.
+_ONCE = Primitive("once")
+_ONCE.def_impl(lambda x: x)
+_ONCE.def_abstract_eval(lambda x: x)
+ad.deflinear2(_ONCE, lambda cotangent, _: [once(cotangent)])
+batching.defvectorized(_ONCE)
+mlir.register_lowering(_ONCE, mlir.lower_fun(_divided, multiple_results=False))
 
 
 @jax.jit  # traced once, however often it is used
@@ -102,7 +108,7 @@ def sincos(x: Array) -> tuple[Array, Array]:
 def _sincos_jvp(primals, tangents):
     s, c = sincos(*primals)
     (dx,) = tangents
-    return (s, c), (_kept(c * dx, s), _kept(-s * dx, s))
+    return (s, c), (once(c * dx), once(-s * dx))
 
 
 @jax.jit  # traced once, however often it is used
@@ -126,7 +132,7 @@ def _arctan2_jvp(primals, tangents):
     dy, dx = tangents
     square = x * x + y * y
     inverse = 1 / jnp.where(square == 0, 1.0, square)
-    return arctan2(y, x), _kept((x * dy - y * dx) * inverse, x)
+    return arctan2(y, x), once((x * dy - y * dx) * inverse)
 
 
 def safe_sqrt(x: Array) -> Array:

@@ -11,12 +11,15 @@ needed in the force.
 """
 
 import abc
+import math
 from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 
 from .._lib.checks import check_choice, check_integer, check_range, is_traced
 from .._lib.fields import Part, about, floats
@@ -304,18 +307,41 @@ class Polar(AbstractPolar):
         index = jnp.clip(index, 0, rows * columns - 1)  # NaN angles stay in the table
         flat = self.cells.reshape(rows * columns, 2 * degree * degree)
         c = flat.at[index].get(mode="promise_in_bounds")
-        x, y = x - i, y - j
+        lift, drag = _polynomials(c, x - i, y - j)
+        return once(self.lift_scale * lift), once(self.drag_scale * drag)
 
-        def horner(terms, z):
-            return terms[0] + z * horner(terms[1:], z) if len(terms) > 1 else terms[0]
 
-        def evaluate(first):
-            in_re = [
-                [c[..., first + degree * p + q] for q in range(degree)] for p in range(degree)
-            ]
-            return horner([horner(terms, y) for terms in in_re], x)
+def _polynomial(c, x, y) -> tuple[Array, Array]:
+    """C_L and C_D, (...), from their coefficients (..., 2 k k), by Horner's rule."""
+    degree = math.isqrt(c.shape[-1] // 2)
 
-        return (
-            once(self.lift_scale * evaluate(0)),
-            once(self.drag_scale * evaluate(degree * degree)),
-        )
+    def horner(terms, z):
+        return terms[0] + z * horner(terms[1:], z) if len(terms) > 1 else terms[0]
+
+    def evaluate(first):
+        in_re = [[c[..., first + degree * p + q] for q in range(degree)] for p in range(degree)]
+        return horner([horner(terms, y) for terms in in_re], x)
+
+    return evaluate(0), evaluate(degree * degree)
+
+
+@jax.custom_jvp
+def _polynomials(c, x, y) -> tuple[Array, Array]:
+    """The same; all tangents share its slopes."""
+    return _polynomial(c, x, y)
+
+
+def _polynomials_jvp(primals, tangents):
+    c, x, y = primals
+    rates = []
+    along = (x, lambda x: _polynomial(c, x, y)), (y, lambda y: _polynomial(c, x, y))
+    for (z, of), rate in zip(along, tangents[1:], strict=True):
+        if not isinstance(rate, SymbolicZero):
+            _, slopes = jax.jvp(of, (z,), (jnp.ones_like(z),))
+            rates.append([once(slope) * rate for slope in slopes])
+    if not isinstance(tangents[0], SymbolicZero):
+        rates.append(_polynomial(tangents[0], x, y))
+    return _polynomials(*primals), tuple(map(sum, zip(*rates, strict=True)))
+
+
+_polynomials.defjvp(_polynomials_jvp, symbolic_zeros=True)

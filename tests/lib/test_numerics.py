@@ -1,11 +1,13 @@
 """The fast sine, cosine and arctangent, and the other helpers that replace a library's."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide._lib.numerics import arctan2, cross, safe_sqrt, sincos, solve3
+from jaxglide._lib.numerics import arctan2, cross, once, safe_sqrt, sincos, solve3
 
 EPS32 = float(np.finfo(np.float32).eps)
 
@@ -133,6 +135,21 @@ def test_safe_sqrt_is_the_square_root_above_zero():
     np.testing.assert_allclose(safe_sqrt(x), np.sqrt(x), rtol=1e-15)
     np.testing.assert_allclose(jax.vmap(jax.grad(safe_sqrt))(x), 0.5 / np.sqrt(x), rtol=1e-14)
     assert safe_sqrt(jnp.asarray(0.0)) == 0.0
+
+
+def test_once_is_the_identity_and_kept_with_its_tangents():
+    """A division by what the tangents share would become a product, which is not kept."""
+    x, direction = np.random.default_rng(6).normal(size=(2, 3, 5))
+    slopes = jax.jit(jax.vmap(lambda d: jax.jvp(once, (x,), (d,))[1]))
+    several = np.stack([direction, 2 * direction])
+    np.testing.assert_array_equal(jax.jit(once)(x), x)
+    np.testing.assert_array_equal(slopes(several), several)
+    np.testing.assert_array_equal(
+        jax.grad(lambda x: jnp.vdot(once(x), direction))(x), direction
+    )
+    square = jax.grad(jax.grad(lambda x: once(once(x) ** 3)))
+    np.testing.assert_allclose(jax.vmap(square)(x.ravel()), 6 * x.ravel(), rtol=1e-15)
+    assert re.search(r"f64\[2,3,5\]\S* divide\(", slopes.lower(several).compile().as_text())
 
 
 def test_cross_product_matches_numpy():

@@ -5,15 +5,28 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglide import Study, simulate
+from jaxglide import (
+    Actuated,
+    Driven,
+    Gait,
+    LaggingCirculation,
+    Launch,
+    Polar,
+    Serpenoid,
+    Snake,
+    Study,
+    simulate,
+)
 from jaxglide._lib.dependence import depends
 from jaxglide.air.air import UniformWind
 from jaxglide.ensemble import batch
 from jaxglide.ensemble.base import published_case
 from jaxglide.ensemble.batch import Supply, flown, solve
 from jaxglide.flight.case import Case
-from jaxglide.flight.dynamics import Glider
+from jaxglide.flight.dynamics import RIGID, Glider
 from jaxglide.flight.ends import AngleLimit, End, Ground, Outcome, TimeLimit
+
+TIMES = np.array([0.0, 0.05, 0.1, 0.1, 0.3, 9.0])
 
 
 def height(time, state):
@@ -58,11 +71,10 @@ def compare(study, times=None, **options):
 # A longer flight amplifies rounding until a step more or less is taken: see the next test.
 def test_short_flights_as_alone_step_by_step():
     heights = np.random.default_rng(0).uniform(0.05, 0.8, 24)
-    times = np.array([0.0, 0.05, 0.1, 0.1, 0.3, 9.0])
     study = Study(
-        cases=random_cases(24, 1, height=heights), setup={"polar": "smooth"}, times=times
+        cases=random_cases(24, 1, height=heights), setup={"polar": "smooth"}, times=TIMES
     )
-    pooled = compare(study, times)
+    pooled = compare(study, TIMES)
     assert pooled["accepted"].max() > 3 * pooled["accepted"].min()
 
 
@@ -101,6 +113,32 @@ def test_ends_of_all_kinds_as_alone():
     few = Study(cases={"height": [8.0, 9.0]}, max_steps=5)
     pooled = compare(few, max_steps=5)
     assert pooled["outcome"].tolist() == [Outcome.OUT_OF_STEPS] * 2
+
+
+def leaning(time, observation):
+    """Inputs of a serpenoid that turns against its roll."""
+    return jnp.stack([1.7, 0.35, 1.4, 0.1, -0.3 * observation.angles[2], 1.2])
+
+
+@pytest.mark.parametrize("lagging", [False, True])
+def test_own_states_of_parts_as_alone(lagging):
+    """A drive's own states, fed back, and the circulation's, which start with the flow."""
+    gait, polar = Gait.from_degrees(nu_theta=1.4), Polar.smooth()
+    motion = Driven(Serpenoid(), Actuated(leaning, gait, natural_frequency=25.0))
+    glider = Glider(
+        Snake.from_svl(nodes=20, node_set="gauss"),
+        motion,
+        LaggingCirculation(polar) if lagging else polar,
+    )
+    launch = Launch(0.5, 1.7, angles=(0.1, 0.0, 0.2))
+    case = Case(glider, launch, (Ground(),))
+    heights = np.random.default_rng(4).uniform(0.1, 0.7, 12)
+    varied = {"height": heights, "natural_frequency": np.linspace(10.0, 40.0, 12)}
+    pooled = compare(Study(cases=varied, case=case, times=TIMES), TIMES)
+    own = pooled["states"].shape[2] - RIGID
+    assert own == (33 if lagging else 13)
+    first = pooled["states"][:, 0, RIGID:]
+    assert np.ptp(pooled["states"][:, 1, RIGID:] - first, axis=0).max() > 1e-3
 
 
 def test_what_is_not_finite_is_said_and_stops_nobody():

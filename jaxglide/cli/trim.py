@@ -51,6 +51,7 @@ def _bounds(args, known: Parameter) -> tuple[float, float]:
 
 
 def _run(args) -> int:
+    import jax
     import numpy as np
 
     from ..flight.case import Case
@@ -62,7 +63,7 @@ def _run(args) -> int:
     known = Case(glider, launch).parameter(name)
     low, high = _bounds(args, known)
     unit, factor = known.unit, known.factor
-    found = trim(glider, name, (factor * low, factor * high), launch=launch)
+    found = jax.device_get(trim(glider, name, (factor * low, factor * high), launch=launch))
     value = float(found.value) / factor
 
     def figure():

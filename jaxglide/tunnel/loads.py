@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from .._lib.checks import check_integer, check_range, check_shape, number
 from .._lib.defaults import TUNNEL
@@ -101,10 +102,11 @@ class Loads(eqx.Module, Reported):
         NaN, for undefined, where the air's moment is the same at all phases, but for
         round-off: without air, or for a straight body.
         """
+        xp = np if isinstance(self.force, np.ndarray) else jnp
         air = over_phases(self.aerodynamic).peak_to_peak
-        still = air <= _STILL * jnp.max(jnp.abs(self.force), axis=(-2, -1))[..., None]
+        still = air <= _STILL * xp.max(xp.abs(self.force), axis=(-2, -1))[..., None]
         change = over_phases(self.inertial).peak_to_peak
-        return jnp.where(still, jnp.nan, change / jnp.where(still, 1.0, air))
+        return xp.where(still, xp.nan, change / xp.where(still, 1.0, air))
 
 
 class OverPhases(NamedTuple):

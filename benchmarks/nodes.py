@@ -17,7 +17,8 @@ import numpy as np
 from throughput import POLARS, cases
 from timing import report
 
-GAITS, MANY, FINE = 24, 512, 200
+GAITS, MANY, FINE = 24, 240, 200
+LANES = 8
 RULES = [("gauss", n) for n in (30, 40, 50, 60, FINE)] + [("published", 70)]
 
 
@@ -34,12 +35,14 @@ def run(polar: str, node_set: str, nodes: int, *, gaits: int, tolerance, double:
         rtol=tolerance,
         atol=tolerance,
     )
-    sweep(study, progress=False)
-    begin = time.process_time()
-    data = sweep(study, progress=False)
-    took = time.process_time() - begin
+    sweep(study.part(np.arange(LANES)), width=LANES, progress=False)
+    times = []
+    for _ in range(2):
+        begin = time.process_time()
+        data = sweep(study, width=LANES, progress=False)
+        times.append(time.process_time() - begin)
     return {
-        "ms_per_glide": 1e3 * took / gaits,
+        "ms_per_glide": 1e3 * min(times) / gaits,
         "landed": (data.outcome == Outcome.LANDED).values.tolist(),
         "landing": data.landing_point.values[:, :2].tolist(),
     }
@@ -53,7 +56,9 @@ def process(**given) -> dict:
     environment.setdefault("XLA_FLAGS", "--xla_cpu_prefer_vector_width=512")
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True)
     done.check_returncode()
-    return json.loads(done.stdout.splitlines()[-1])
+    found = json.loads(done.stdout.splitlines()[-1])
+    print(given, f"{found['ms_per_glide']:.3g} ms a glide", flush=True)
+    return found
 
 
 def apart(found: dict, truth: dict) -> dict:
@@ -98,12 +103,13 @@ def by_precision(polar: str) -> list[dict]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--row", type=json.loads, help=argparse.SUPPRESS)
+    parser.add_argument("--polars", nargs="+", choices=POLARS, default=POLARS)
     given = parser.parse_args()
     if given.row:
         print(json.dumps(run(**given.row)))
         return
-    report("nodes", [row for polar in POLARS for row in by_nodes(polar)])
-    report("precision", [row for polar in POLARS for row in by_precision(polar)])
+    report("nodes", [row for polar in given.polars for row in by_nodes(polar)])
+    report("precision", [row for polar in given.polars for row in by_precision(polar)])
 
 
 if __name__ == "__main__":

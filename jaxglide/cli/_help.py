@@ -61,8 +61,8 @@ class Root(Parser):
             epilog="jaxglide COMMAND --help lists the options of a command.",
         )
         self.whole = whole
-        version = f"jaxglide {VERSION}"
-        self.add_argument("--version", action="version", version=version, help="print the version")
+        version = {"version": f"jaxglide {VERSION}", "help": "print the version"}
+        self.add_argument("--version", action="version", **version)
         self.add_argument(
             "--print-completion",
             action=_Completion,

@@ -31,7 +31,7 @@ MAIN = (
     "sweep",
     "varied",
 )
-LONG = ("equilibrium", "integrate", "optimise", "reconstruct", "survey", "trim")  # to compile
+LONG = ("cache", "equilibrium", "integrate", "optimise", "reconstruct", "survey", "trim")
 
 
 def told():

@@ -142,12 +142,16 @@ def test_the_sdist_has_what_building_and_testing_need_and_nothing_else(built):
         for folder in ("tests", "benchmarks", "experiments", "docs", "jaxglide", ".ci")
         for path in (ROOT / folder).rglob("*")
         if path.is_file()
-        and not re.search(r"cache|_build|jupyter_execute|\.nc$|\.zarr/|/results/", str(path))
+        and not re.search(
+            r"_cache/|__pycache__|_build|jupyter_execute|\.nc$|\.zarr/|/results/", str(path)
+        )
     ]
     assert len(tracked) > 200
     assert set(tracked) <= names
     assert not names & set(_JUNK)
-    assert not [name for name in names if re.search(r"\.pyc$|cache|\.nc$|shared|\.git$", name)]
+    assert not [
+        name for name in names if re.search(r"\.pyc$|_cache/|\.nc$|shared|\.git$", name)
+    ]
     assert path.stat().st_size < 10e6
 
 

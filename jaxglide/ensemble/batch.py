@@ -123,6 +123,7 @@ def fly(
     def turns(device) -> None:
         given = jax.device_put(shared, device)
         pool, last = program.empty(jax.device_put(one, device), *given, lanes=lanes), False
+        pool = jax.device_put(pool, device)  # kept there as a turn's: else it compiles twice
         queue = None
         while not (last or stop.is_set()):
             cases, last = supply.take()

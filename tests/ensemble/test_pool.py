@@ -159,9 +159,12 @@ def test_lanes_are_busy(monkeypatch):
     turns, fly = [], batch.fly
 
     def counted(program, values, lanes, devices, shared):
+        before = program.turn._cache_size()
         for found in fly(program, values, lanes, devices, shared):
             turns.append((int(found[2].steps) * lanes, int(found[2].busy)))
             yield found
+        # nothing is compiled twice: the first turn is the same program as the others
+        assert program.turn._cache_size() - before <= len(set(devices))
 
     monkeypatch.setattr(batch, "fly", counted)
     study = Study(

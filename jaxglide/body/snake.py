@@ -6,6 +6,7 @@ body that the physics works on. Arc length s runs from the snout (0) to the vent
 """
 
 from functools import lru_cache
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -41,7 +42,7 @@ def mass_from_length(svl):
     Socha and LaBarbera 2005, doi:10.1242/jeb.01579.
     """
     svl = in_numpy(svl)
-    xp = jnp if is_traced(svl) else np
+    xp: Any = jnp if is_traced(svl) else np
     return 1e-3 * xp.exp(-9.94919177 + 3.19831074 * xp.log(100 * svl))
 
 

@@ -61,8 +61,8 @@ class Root(Parser):
             epilog="jaxglide COMMAND --help lists the options of a command.",
         )
         self.whole = whole
-        version = {"version": f"jaxglide {VERSION}", "help": "print the version"}
-        self.add_argument("--version", action="version", **version)
+        version, about = f"jaxglide {VERSION}", "print the version"
+        self.add_argument("--version", action="version", version=version, help=about)
         self.add_argument(
             "--print-completion",
             action=_Completion,

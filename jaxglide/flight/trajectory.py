@@ -1,5 +1,7 @@
 """What a flight leaves behind: where it went, at any time of it."""
 
+from typing import Any
+
 import diffrax
 import equinox as eqx
 import jax
@@ -87,7 +89,7 @@ class AbstractTrajectory(eqx.Module, Reported):
     def glide_angle(self) -> Float[Array, "..."]:
         """Angle of the path over the ground below the horizontal at the end [rad]."""
         v = self.velocity
-        xp = np if isinstance(v, np.ndarray) else jnp
+        xp: Any = np if isinstance(v, np.ndarray) else jnp
         return xp.arctan2(-v[..., 2], xp.hypot(v[..., 0], v[..., 1]))
 
     def at(self, times) -> Float[Array, "T s"]:

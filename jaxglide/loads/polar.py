@@ -344,4 +344,4 @@ def _polynomials_jvp(primals, tangents):
     return _polynomials(*primals), tuple(map(sum, zip(*rates, strict=True)))
 
 
-_polynomials.defjvp(_polynomials_jvp, symbolic_zeros=True)
+_polynomials.defjvp(_polynomials_jvp, symbolic_zeros=True)  # type: ignore

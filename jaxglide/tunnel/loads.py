@@ -102,7 +102,7 @@ class Loads(eqx.Module, Reported):
         NaN, for undefined, where the air's moment is the same at all phases, but for
         round-off: without air, or for a straight body.
         """
-        xp = np if isinstance(self.force, np.ndarray) else jnp
+        xp: Any = np if isinstance(self.force, np.ndarray) else jnp
         air = over_phases(self.aerodynamic).peak_to_peak
         still = air <= _STILL * xp.max(xp.abs(self.force), axis=(-2, -1))[..., None]
         change = over_phases(self.inertial).peak_to_peak

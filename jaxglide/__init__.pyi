@@ -86,6 +86,7 @@ from .shape import (
     Waveform,
     shape_line,
 )
+from .steady import Mode, SteadyGlide, steady_glide, steady_glides
 from .tunnel import (
     body_polar,
     derivatives,
@@ -132,6 +133,7 @@ __all__ = [
     "Gust",
     "LaggingCirculation",
     "Launch",
+    "Mode",
     "Objective",
     "Observation",
     "Optimum",
@@ -148,6 +150,7 @@ __all__ = [
     "Settings",
     "ShearWind",
     "Snake",
+    "SteadyGlide",
     "StillAir",
     "Study",
     "SweepTheory",
@@ -195,6 +198,8 @@ __all__ = [
     "six_degrees_of_freedom",
     "squared_pitch_moment",
     "stability_margin",
+    "steady_glide",
+    "steady_glides",
     "survey",
     "sweep",
     "take_off",

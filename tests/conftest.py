@@ -28,7 +28,7 @@ from places import GOLDEN, ROOT
 jax.config.update("jax_enable_x64", True)
 
 # The rooms whose annotations are checked: those of the model and what is built on it.
-ROOMS = "body shape air loads flight tunnel ensemble search flights view"
+ROOMS = "body shape air loads flight tunnel steady ensemble search flights view"
 install_import_hook([f"jaxglide.{room}" for room in ROOMS.split()], "shapes.checked")
 
 import jaxglide as jg  # noqa: E402

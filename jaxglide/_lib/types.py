@@ -7,7 +7,7 @@ component at every node.
 from typing import TypeAlias
 
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 Scalar: TypeAlias = Float[Array, ""]
 Vec3: TypeAlias = Float[Array, "3"]
@@ -23,6 +23,7 @@ __all__ = [
     "Array",
     "ArrayLike",
     "Bool",
+    "Complex",
     "Flag",
     "Float",
     "Int",

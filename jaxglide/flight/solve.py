@@ -104,7 +104,7 @@ def settings_of(
     )
 
 
-class _FirstStep(diffrax.AbstractStepSizeController):
+class FirstStep(diffrax.AbstractStepSizeController):
     """A controller that knows its first step.
 
     Given as Diffrax's `dt0` it would be checked at run time, by a callback to Python, as soon
@@ -115,7 +115,7 @@ class _FirstStep(diffrax.AbstractStepSizeController):
     first: Scalar
 
     def wrap(self, direction):
-        return _FirstStep(self.inner.wrap(direction), self.first)
+        return FirstStep(self.inner.wrap(direction), self.first)
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         return self.inner.init(terms, t0, t1, y0, self.first, args, func, error_order)
@@ -173,7 +173,7 @@ class Posed(eqx.Module):
         state = jnp.where(flying, start, jnp.zeros_like(start))
         t1 = jnp.where(flying, settings.max_time, t0 + _OVER)
         step = jnp.minimum(settings.step or first, t1 - t0)
-        controller = _FirstStep(settings.controller(longest), step)
+        controller = FirstStep(settings.controller(longest), step)
         if turns:
             controller = PeakController(controller, _steady(ends))
         return cls(start, flying, state, t0, t1, controller, settings, turns)

@@ -20,6 +20,7 @@ ROOMS = (  # from the ground up: a room imports from those before it
     "loads",
     "flight",
     "tunnel",
+    "steady",
     "ensemble",
     "search",
     "flights",

@@ -25,8 +25,8 @@ STEP = 1 / 300
 def _mean_path(states, period, kind: Kind):
     """Forward speed, sink rate and rate of turning of the mean path of a cycle.
 
-    The places cycle after cycle lie on a helix about the vertical: an arc longer than its
-    chord by x/sin x of half the angle turned.
+    The places at the starts of cycles lie on a helix about the vertical: an arc longer than
+    its chord by x/sin x of half the angle turned.
     """
     shift, turn = states[-1, POSITION], states[-1, ANGLES][0]
     sink = -shift[2] / period

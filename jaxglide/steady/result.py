@@ -57,7 +57,8 @@ class SteadyGlide(eqx.Module, Reported):
             angular velocity in body axes [rad/s], pitch and roll [rad], (8,).
         period: of a cycle [s]; of a frozen body a second.
         speed: at the start [m/s].
-        glide_angle: of the mean path below the horizontal [rad].
+        glide_angle: of the mean path, through the places at the starts of cycles, below the
+            horizontal [rad].
         forward_speed: horizontally along the mean path [m/s].
         sink_rate: downwards along it [m/s].
         turn_rate: to the left [rad/s].

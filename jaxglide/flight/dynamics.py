@@ -27,11 +27,12 @@ from .._lib.types import Array, Float, Mat3, Nodes3, Scalar, State
 from ..air.air import AbstractAir, StillAir
 from ..body.sections import AbstractBody, Sections
 from ..loads.aerodynamics import AbstractAerodynamics, Aerodynamics, Flow, SweepTheory
-from ..loads.inertia import inertia_tensor, moment_of, over_nodes, section_moment
+from ..loads.inertia import over_nodes, section_moment, tensor_of
 from ..loads.polar import AbstractPolar, Polar
-from ..shape.kinematics import Backbone, backbone
+from ..shape.kinematics import Backbone, bent
 from ..shape.motion import AbstractMotion, Observation
 from .attitude import angle_rates, rotation_matrix
+from .moving import Integrals, moments, node_velocity, relative_acceleration
 
 POSITION = slice(0, 3)
 VELOCITY = slice(3, 6)
@@ -156,13 +157,11 @@ def _moving(time, state, own, flight: Flight):
     )
     for name, angle in zip(wave._fields, wave, strict=True):
         check_given(f"{name} of {type(glider.gait).__name__}", angle, sections.fraction.shape)
-    body = backbone(sections, wave)
+    body, *integrated = bent(sections, wave)
+    integrals = Integrals(integrated[0], sections.integral, integrated[1])
     R_BI = rotation_matrix(state[ANGLES])
     velocity_B = jnp.sum(R_BI * state[VELOCITY], axis=1)
-    spin = cross(state[OMEGA], body.position)
-    velocity = by_rows(
-        lambda whole, *parts: whole + sum(parts), velocity_B, body.velocity, spin
-    )
+    velocity = node_velocity(integrals, velocity_B, state[OMEGA])
     place = R_BI.T @ body.position + state[POSITION][:, None]
     wind = glider.air.wind(place, time)
     if wind is not None:
@@ -179,7 +178,7 @@ def _moving(time, state, own, flight: Flight):
         air_density=glider.air.air_density,
         kinematic_viscosity=glider.air.kinematic_viscosity,
     )
-    return body, rates, flow, R_BI, spin
+    return body, rates, flow, R_BI, integrals
 
 
 def _forced(model: AbstractAerodynamics, flow: Flow, states):
@@ -209,7 +208,12 @@ def with_own_states(time: Scalar, rigid: Float[Array, "13"], flight: Flight) -> 
 
 
 def elements(time: Scalar, state: State, flight: Flight) -> Elements:
-    """Motion of and force on every element.
+    """Motion of and force on every element; see `_elements`."""
+    return _elements(time, state, flight)[0]
+
+
+def _elements(time: Scalar, state: State, flight: Flight) -> tuple[Elements, Integrals]:
+    """The same, and the integrals along the body behind it.
 
     Args:
         time: since launch [s].
@@ -219,14 +223,13 @@ def elements(time: Scalar, state: State, flight: Flight) -> Elements:
     glider = flight.glider
     count = jax.eval_shape(glider.gait.start, flight.phase).shape[0]
     own, lag = state[RIGID : RIGID + count], state[RIGID + count :]
-    body, own_rates, flow, R_BI, spin = _moving(time, state, own, flight)
-    # r'' + 2 omega x r' + omega x (omega x r); the term in omega' is the unknown
-    doubled = by_rows(lambda v, s: 2 * v + s, body.velocity, spin)
-    relative = by_rows(jnp.add, body.acceleration, cross(state[OMEGA], doubled))
+    body, own_rates, flow, R_BI, integrals = _moving(time, state, own, flight)
+    relative = relative_acceleration(state[OMEGA], integrals.integrals)
     air, lag_rates = _forced(glider.aerodynamics, flow, lag)
     moment = cross(body.position, air.force)
     rates = jnp.concatenate([own_rates, lag_rates])
-    return Elements(body, flow.velocity, relative, moment, air, R_BI, rates)
+    found = Elements(body, flow.velocity, relative, moment, air, R_BI, rates)
+    return found, integrals
 
 
 @eqx.filter_jit
@@ -244,20 +247,15 @@ def six_degrees_of_freedom(time: Scalar, state: State, flight: Flight) -> State:
         flight: glider, sections and launch phase.
     """
     glider, sections, _ = flight
-    now = elements(time, state, flight)
+    now, integrals = _elements(time, state, flight)
     force_B = over_nodes(now.aerodynamics.force)
     force_I = jnp.sum(now.R_BI * force_B[:, None], axis=0)
     weight = jnp.stack([0.0 * glider.gravity] * 2 + [glider.gravity])
     acceleration = force_I / sections.total_mass - weight
-    effective = by_rows(
-        lambda force, acceleration: force - sections.mass * acceleration,
-        now.aerodynamics.force,
-        now.relative_acceleration,
-    )
-    moment = moment_of(now.body.position, effective)
+    moment, seconds = moments(integrals, state[OMEGA], sections.mass, now.aerodynamics.force)
     if sections.axial_inertia is not None:
         moment = moment - section_moment(sections, now.body, state[OMEGA])
-    omega_dot = solve3(inertia_tensor(sections, now.body), moment)
+    omega_dot = solve3(tensor_of(sections, now.body.chord, seconds), moment)
     velocity = state[VELOCITY]
     path_rate = safe_sqrt(velocity[0] ** 2 + velocity[1] ** 2)
     rates = [

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from .._lib.numerics import cross, over_last
-from .._lib.types import Mat3, Nodes3, Vec3
+from .._lib.types import Array, Mat3, Nodes, Nodes3, Vec3
 from ..body.sections import Sections
 from ..shape.kinematics import Backbone
 
@@ -31,17 +31,22 @@ class Inertia(NamedTuple):
     momentum_rate: Vec3
 
 
-def inertia_tensor(sections: Sections, body: Backbone) -> Mat3:
-    """Inertia tensor sum m (|r|^2 1 - r r^T) [kg m^2], (3, 3)."""
-    x, y, z = body.position
-    mx, my, mz = sections.mass * x, sections.mass * y, sections.mass * z
-    products = [mx * x, my * y, mx * y, mz * z, mx * z, my * z]
+def second_moments(mass: Nodes, position: Nodes3) -> tuple[Array, ...]:
+    """Sums over nodes of m xx, m yy, m xy, m zz, m xz, m yz [kg m^2]."""
+    x, y, z = position
+    mx, my, mz = mass * x, mass * y, mass * z
+    products = mx * x, my * y, mx * y, mz * z, mx * z, my * z
+    return tuple(over_last(product) for product in products)
+
+
+def tensor_of(sections: Sections, chord: Nodes3, moments: tuple[Array, ...]) -> Mat3:
+    """Inertia tensor of `second_moments`, and of what the sections have, (3, 3)."""
+    xx, yy, xy, zz, xz, yz = moments
     if sections.axial_inertia is not None:
-        c_x, c_y, _ = body.chord
+        c_x, c_y, _ = chord
         across = c_x * c_x, c_y * c_y, c_x * c_y
-        for i, share in enumerate(across):
-            products[i] = products[i] + sections.axial_inertia * share
-    xx, yy, xy, zz, xz, yz = (over_last(product) for product in products)
+        more = [over_last(sections.axial_inertia * share) for share in across]
+        xx, yy, xy = xx + more[0], yy + more[1], xy + more[2]
     return jnp.stack(
         [
             jnp.stack([yy + zz, -xy, -xz]),
@@ -49,6 +54,11 @@ def inertia_tensor(sections: Sections, body: Backbone) -> Mat3:
             jnp.stack([-xz, -yz, xx + yy]),
         ]
     )
+
+
+def inertia_tensor(sections: Sections, body: Backbone) -> Mat3:
+    """Inertia tensor sum m (|r|^2 1 - r r^T) [kg m^2], (3, 3)."""
+    return tensor_of(sections, body.chord, second_moments(sections.mass, body.position))
 
 
 def over_nodes(vectors: Nodes3) -> Vec3:

@@ -33,6 +33,13 @@ class Backbone(eqx.Module):
 
 
 def backbone(sections: Sections, wave: Bending) -> Backbone:
+    """`bent` without what was integrated."""
+    return bent(sections, wave)[0]
+
+
+def bent(
+    sections: Sections, wave: Bending
+) -> tuple[Backbone, tuple[Nodes, ...], tuple[Nodes, ...]]:
     """Shape and motion of the body that bends so (eqs 8, 13-15).
 
     The time derivatives are closed forms. All nine cumulative integrals (three components
@@ -41,6 +48,10 @@ def backbone(sections: Sections, wave: Bending) -> Backbone:
     Args:
         sections: the body at its nodes.
         wave: bending angles there and their time derivatives.
+
+    Returns:
+        The body, and the nine integrands, (n,) each, and integrals: of position, velocity and
+        acceleration, component by component.
     """
     sin_t, cos_t = sincos(wave.theta)
     sin_p, cos_p = sincos(wave.psi)
@@ -66,7 +77,7 @@ def backbone(sections: Sections, wave: Bending) -> Backbone:
     # c = z x t/|z x t| and b = t x c (eqs 14-15) in closed form. Where the body bends past
     # the vertical z x t reverses; the chord is carried on instead, as a body carries it.
     zero = jnp.zeros_like(cos_p)
-    return Backbone(
+    body = Backbone(
         position=jnp.stack(path[0:3]),
         velocity=jnp.stack(path[3:6]),
         acceleration=jnp.stack(path[6:9]),
@@ -76,3 +87,4 @@ def backbone(sections: Sections, wave: Bending) -> Backbone:
         turning=wave.theta_dot,
         turning_rate=wave.theta_ddot,
     )
+    return body, tuple(integrands), path

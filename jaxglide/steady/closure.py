@@ -1,6 +1,6 @@
 """What a steady glide must fulfil, and the point where it does."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -65,7 +65,8 @@ class Sought(eqx.Module):
         """Of a cycle [s]; a second where the body is frozen."""
         if self.kind.frozen:
             return jnp.ones_like(self.phase)
-        return 1 / self.glider.gait.f_theta
+        gait: Any = self.glider.gait
+        return 1 / gait.f_theta
 
     @property
     def duration(self) -> Scalar:
@@ -76,7 +77,7 @@ class Sought(eqx.Module):
         """What its numbers are measured in."""
         return scales(self.glider, discretise(self.glider.body))
 
-    def cycle(self, share=1.0) -> ReturnMap:
+    def cycle(self, share: Scalar | float = 1.0) -> ReturnMap:
         """What the map needs, with a share of the solver's steps."""
         flight = Flight(self.glider, discretise(self.glider.body), self.phase)
         parts = 2 if self.kind.mirrored else 1
@@ -111,8 +112,8 @@ def missed_with_slopes(
         return value, slopes
     end, slopes = flown_with_slopes(u * unit, posed.duration, cycle, adjoint)
     if posed.kind.mirrored:
-        end, slopes = MIRROR * end, MIRROR[:, None] * slopes
-    return end / unit - u, slopes * unit / unit[:, None]
+        end, slopes = jnp.asarray(MIRROR * end), jnp.asarray(MIRROR[:, None] * slopes)
+    return end / unit - u, jnp.asarray(slopes * unit / unit[:, None])
 
 
 def _less_one(slopes: Slopes, posed: Sought) -> Slopes:
@@ -163,9 +164,10 @@ def search(start: Reduced, posed: Sought) -> Reached:
 
     def stage(root: Reached, how):
         share, near = how
+        tolerance: Any = jnp.where(root.converged, near, jnp.inf)
         found = optx.root_find(
             _known_slopes,
-            optx.Dogleg(rtol=0.0, atol=jnp.where(root.converged, near, jnp.inf)),
+            optx.Dogleg(rtol=0.0, atol=tolerance),
             root.u,
             (posed, share),
             max_steps=MOST_ITERATIONS,

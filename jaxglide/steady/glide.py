@@ -1,6 +1,7 @@
 """`steady_glide`: the periodic flight that a gait would settle into, and its stability."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -72,9 +73,15 @@ def _glide(glider, posed: Sought, root: Reached, u, flown, slopes) -> SteadyGlid
         "slopes": slopes,
         "states": flown.states,
     }
-    figures = {name: jnp.where(found, value, jnp.nan) for name, value in figures.items()}
-    known = {"residual": residual, "iterations": root.iterations, "frozen": kind.frozen}
-    return SteadyGlide(glider, posed.phase, found, reason, period=period, **known, **figures)
+    masked: dict[str, Any] = {
+        name: jnp.where(found, value, jnp.nan) for name, value in figures.items()
+    }
+    known: dict[str, Any] = {
+        "residual": residual,
+        "iterations": root.iterations,
+        "frozen": kind.frozen,
+    }
+    return SteadyGlide(glider, posed.phase, found, reason, period=period, **known, **masked)
 
 
 def _finished(glider, posed: Sought, root: Reached) -> SteadyGlide:

@@ -74,7 +74,8 @@ def modes_of(slopes: np.ndarray, period: float, frozen: bool) -> tuple[Mode, ...
         exponent = value if frozen else _exponent(value, period)
         multiplier = np.exp(value) if frozen else value
         squares = np.abs(vector) ** 2
-        shares = dict(zip(COMPONENTS, (squares / squares.sum()).tolist(), strict=True))
+        parts = (squares / squares.sum()).tolist()
+        shares = {str(name): float(part) for name, part in zip(COMPONENTS, parts, strict=True)}
         doubling = math.log(2) / exponent.real if exponent.real else math.inf
         turns = abs(exponent.imag) > 0
         name = _name(shares, exponent.real, turns)

@@ -46,7 +46,7 @@ def sobol(count: int) -> np.ndarray:
     """A Sobol set of scaled reduced states, always the same, (count, 8)."""
     if count == 0:
         return np.zeros((0, 8))
-    points = qmc.Sobol(8, seed=0).random(1 << (count - 1).bit_length())[:count]
+    points = qmc.Sobol(8, rng=0).random(1 << (count - 1).bit_length())[:count]
     drawn = _LOW + points * (_HIGH - _LOW)
     return np.concatenate([_velocity(*drawn[:, :3].T), drawn[:, 3:]], axis=1)
 

@@ -138,7 +138,8 @@ def test_the_scripts_of_the_figures_travel_with_the_package():
     packages = {".".join(folder.parts) for folder in folders}
     assert set(setup["packages"]) == packages | {"jaxglide.experiments"}
     assert setup["package-dir"] == {"jaxglide.experiments": "experiments"}
-    scripts = {path.name for path in _scripts().glob("*.py")} - {"common.py", "validation_rows.py"}
+    shared = {"common.py", "validation_rows.py"}
+    scripts = {path.name for path in _scripts().glob("*.py")} - shared
     assert set(_FIGURES.values()) == scripts
 
 

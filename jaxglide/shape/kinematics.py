@@ -33,7 +33,7 @@ class Backbone(eqx.Module):
 
 
 def backbone(sections: Sections, wave: Bending) -> Backbone:
-    """`bent` without what was integrated."""
+    """Shape and motion of the body that bends so (eqs 8, 13-15): `bent` without its integrals."""
     return bent(sections, wave)[0]
 
 

@@ -31,7 +31,10 @@ MAIN = (
     "sweep",
     "varied",
 )
-LONG = ("cache", "equilibrium", "integrate", "optimise", "reconstruct", "survey", "trim")
+LONG = (
+    *("cache", "equilibrium", "integrate", "optimise", "reconstruct", "steady_glide", "survey"),
+    "trim",
+)
 
 
 def told():

@@ -33,7 +33,7 @@ class Backbone(eqx.Module):
 
 
 def backbone(sections: Sections, wave: Bending) -> Backbone:
-    """Shape and motion of the body that bends so (eqs 8, 13-15): `bent` without its integrals."""
+    """Shape and motion of the body that bends so (eqs 8, 13-15), without the integrals."""
     return bent(sections, wave)[0]
 
 

@@ -156,7 +156,7 @@ def _moments_jvp(primals, tangents):
         given = list(others)
         for k, value in zip(moved, values, strict=True):
             given[k] = value
-        return _moments(*given, of.integrals)
+        return _moments(*given, of.integrals)  # type: ignore
 
     turn, seconds = jnp.zeros_like(omega), (jnp.zeros_like(omega[0]),) * 6
     if moved:

@@ -63,13 +63,18 @@ class AbstractBody(Part):
         """
 
 
+@eqx.filter_jit  # outside of compiled code some thirty programs else, each compiled alone
+def _sections(body: AbstractBody) -> Sections:
+    return body.sections()
+
+
 def discretise(body: AbstractBody) -> Sections:
     """The body at its nodes: area, mass and chord there, and how to integrate along it.
 
     Raises:
         TypeError, ValueError: a body of one's own gives something else.
     """
-    found, kind = body.sections(), type(body).__name__
+    found, kind = _sections(body), type(body).__name__
     check_kind(f"sections of {kind}", found, Sections)
     nodes = np.shape(found.fraction)
     for name in ("fraction", "chord", "area", "mass"):

@@ -124,13 +124,13 @@ def fly(
         given = jax.device_put(shared, device)
         pool, last = program.empty(jax.device_put(one, device), *given, lanes=lanes), False
         pool = jax.device_put(pool, device)  # kept there as a turn's: else it compiles twice
-        queue = None
+        waiting = None
         while not (last or stop.is_set()):
             cases, last = supply.take()
-            if queue is None or len(cases):
-                queue = queued(cases, given, device)
+            if waiting is None or len(cases):
+                waiting = queued(cases, given, device)
             numbers = np.resize(cases, room).astype(np.int32)
-            batch = numbers, queue, one, np.int32(len(cases)), np.asarray(last)
+            batch = numbers, waiting, one, np.int32(len(cases)), np.asarray(last)
             batch = jax.device_put(batch, device)
             pool, turn = program.turn(pool, *batch, *given)
             told.put(jax.tree.map(np.asarray, turn))

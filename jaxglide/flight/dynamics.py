@@ -208,18 +208,18 @@ def with_own_states(time: Scalar, rigid: Float[Array, "13"], flight: Flight) -> 
 
 
 def elements(time: Scalar, state: State, flight: Flight) -> Elements:
-    """Motion of and force on every element; see `_elements`."""
-    return _elements(time, state, flight)[0]
-
-
-def _elements(time: Scalar, state: State, flight: Flight) -> tuple[Elements, Integrals]:
-    """The same, and the integrals along the body behind it.
+    """Motion of and force on every element.
 
     Args:
         time: since launch [s].
         state: as described in this module.
         flight: glider, sections and launch phase.
     """
+    return _elements(time, state, flight)[0]
+
+
+def _elements(time: Scalar, state: State, flight: Flight) -> tuple[Elements, Integrals]:
+    """The same, and the integrals along the body behind it."""
     glider = flight.glider
     count = jax.eval_shape(glider.gait.start, flight.phase).shape[0]
     own, lag = state[RIGID : RIGID + count], state[RIGID + count :]

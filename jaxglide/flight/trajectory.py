@@ -8,7 +8,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import all_known, check_integer, check_kind, check_range, check_shape, number
+from .._lib.checks import (
+    all_known,
+    check_integer,
+    check_kind,
+    check_range,
+    check_shape,
+    in_numpy,
+    number,
+)
 from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Integer, Scalar, State, Vec3
 from ..body.sections import discretise
@@ -99,16 +107,22 @@ class AbstractTrajectory(eqx.Module, Reported):
             raise ValueError("this glide kept no trajectory: simulate it with dense=True")
         times = jnp.asarray(number("times")(times), self.time.dtype)
         check_shape("times", times, ("T",))
-        first = jnp.asarray(self.start_time, self.time.dtype)
-        inside = (times >= first) & (times <= self.time)
-        states = jax.vmap(self.interpolation.evaluate)(jnp.where(inside, times, first))
-        return within(times, first, self.time, self.start, states)
+        return _states_at(self, times)
 
     def sample_times(self, count: int = 200) -> Float[Array, "... T"]:
         """`count` equally spaced times [s] from start to end, (count,)."""
         check_integer("count", count, 1, 10**7)
-        first = jnp.asarray(self.start_time)[..., None]
-        return first + (self.time[..., None] - first) * jnp.linspace(0.0, 1.0, count)
+        first, last = in_numpy(self.start_time)[..., None], in_numpy(self.time)[..., None]
+        return jnp.asarray(first + (last - first) * np.linspace(0.0, 1.0, count))
+
+
+@eqx.filter_jit
+def _states_at(flight: AbstractTrajectory, times) -> Float[Array, "T s"]:
+    first = jnp.asarray(flight.start_time, flight.time.dtype)
+    inside = (times >= first) & (times <= flight.time)
+    assert flight.interpolation is not None
+    states = jax.vmap(flight.interpolation.evaluate)(jnp.where(inside, times, first))
+    return within(times, first, flight.time, flight.start, states)
 
 
 class Trajectory(AbstractTrajectory):

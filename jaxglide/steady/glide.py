@@ -209,10 +209,7 @@ def steady_glides(
     posed = _posed(glider, phase, step)
     check_integer("starts", starts, 0, 4096)
     check_range("apart", apart, "", 0, 1, low_open=True, shape=())
-    tried = jnp.concatenate(
-        [known_starts(posed), jnp.asarray(sobol(starts), posed.phase.dtype)]
-    )
-    roots = _search_all(tried, posed)
+    roots = _search_all(_starts(posed, starts), posed)
     kept: list[np.ndarray] = []
     found: list[SteadyGlide] = []
     for k in np.flatnonzero(np.asarray(roots.converged)):

@@ -174,3 +174,30 @@ def test_at_rest_the_field_and_its_derivative_are_finite(flight):
     )(jnp.zeros(13))
     np.testing.assert_allclose(rates, [0, 0, 0, 0, 0, -9.81, *[0] * 7], rtol=0, atol=1e-12)
     assert np.isfinite(jacobian).all()
+
+
+@pytest.mark.parametrize("gyration", [None, 0.25])
+def test_the_vector_field_has_the_derivatives_of_its_differences(gyration, random_states):
+    """By every number of state, gait and body; the body's change how it is integrated along."""
+    times, states = random_states(3, seed=4)
+    gait = jnp.deg2rad(jnp.array([95.0, 20.0, 8.0, 4.0]))
+    start = jnp.array([0.65, 0.05, *gait, 1.3])  # length, neck, gait
+
+    def field(x, time):
+        length, neck, theta_m, psi_m, d_psi, d_theta, nu_theta = x[:7]
+        body = Snake(length, 0.06, neck, gyration=gyration, nodes=30, node_set="gauss")
+        gait = Gait(theta_m, psi_m, nu_theta, 1.2, d_psi, d_theta)
+        flight = Flight(Glider(body, gait, Polar.smooth()), discretise(body), -0.03)
+        return six_degrees_of_freedom(time, x[7:], flight)
+
+    forward, reverse = (jax.jit(d(field)) for d in (jax.jacfwd, jax.jacrev))
+    compiled, width = jax.jit(field), 1e-6
+    for time, state in zip(times, states, strict=True):
+        x = jnp.concatenate([start, state])
+        found = forward(x, time)
+        steps = width * np.eye(x.size)
+        change = [compiled(x + s, time) - compiled(x - s, time) for s in steps]
+        difference = np.stack(change, axis=1) / (2 * width)
+        scale = np.abs(difference).max(axis=1, keepdims=True) + 1e-12
+        assert np.all(np.abs(found - difference) < 1e-6 * scale)
+        np.testing.assert_allclose(reverse(x, time), found, rtol=1e-9, atol=1e-9)

@@ -237,6 +237,31 @@ def test_second_derivatives_with_steps_of_the_controller():
 
 
 @pytest.mark.slow
+def test_second_derivatives_in_a_batch():
+    """Of flights of different lengths in one batch, against differences of their slopes.
+
+    These vary so fast with nu_theta that a width of 1e-4 is off by per cents.
+    """
+    snake = Snake.from_svl(nodes=20, node_set="gauss")
+    launch = Launch(0.4, 1.7, phi_theta=0.3, angles=(0.0, 0.0, 0.0))
+
+    def distance(p):
+        nu, d_psi, height = p
+        gait = Gait.from_degrees(95.0, nu_theta=nu, d_psi=d_psi)
+        start = eqx.tree_at(lambda launch: launch.height, launch, height)
+        return simulate(Glider(snake, gait, Polar.smooth()), start, step=0.01).landing_point[1]
+
+    points = np.array([[1.1, 3.0, 0.2], [1.3, 8.0, 0.35], [1.45, -5.0, 0.5]])
+    hessian = np.asarray(jax.jit(jax.vmap(jax.hessian(distance)))(points))
+    slopes = jax.jit(jax.vmap(jax.jacfwd(distance)))
+    for k, width in enumerate((2e-6, 2e-4, 2e-6)):
+        step = width * np.eye(3)[k]
+        difference = (slopes(points + step) - slopes(points - step)) / (2 * width)
+        largest = np.abs(difference).max(axis=1, keepdims=True)
+        assert np.all(np.abs(hessian[:, k] - difference) < 1e-4 * largest)
+
+
+@pytest.mark.slow
 def test_published_polar_is_only_piecewise_smooth():
     """Its gradient differs from differences by more than the smooth polar's: see README."""
 

@@ -29,7 +29,7 @@ LEAST_STEPS = 128
 MOST_ITERATIONS = 25  # of each stage of a search
 NEAR = {8: 1e-9, 4: 1e-4}  # how far from closed is still found, by the size of a float
 COARSE = 0.25  # of the steps, with which a search begins
-_COARSE_ENOUGH = {8: 1e-7, 4: 1e-3}
+COARSE_ENOUGH = {8: 1e-7, 4: 1e-3}
 
 
 class Kind(NamedTuple):
@@ -149,11 +149,39 @@ class Reached(NamedTuple):
     iterations: Integer
 
 
-def search(start: Reduced, posed: Sought) -> Reached:
+def newton(start: Reached, posed: Sought, share, near, most: int = MOST_ITERATIONS) -> Reached:
     """Newton's method, its steps held within a trust region (Optimistix's dogleg).
 
-    With a quarter of the solver's steps first, then with all of them. No derivative passes
-    through it.
+    Args:
+        start: where it begins; one that has not converged is left as it is.
+        posed: what is sought.
+        share: of the solver's steps.
+        near: scaled miss that is near enough.
+        most: iterations.
+    """
+    tolerance: Any = jnp.where(start.converged, near, jnp.inf)
+    found = optx.root_find(
+        _known_slopes,
+        optx.Dogleg(rtol=0.0, atol=tolerance),
+        start.u,
+        (posed, share),
+        max_steps=most,
+        throw=False,
+    )
+    good = start.converged & (found.result == optx.RESULTS.successful)
+    taken = start.iterations + found.stats["num_steps"]
+    return Reached(found.value, good, taken.astype(jnp.int32))
+
+
+def begun(u: Reduced) -> Reached:
+    """A search that has not moved yet."""
+    return Reached(u, jnp.asarray(True), jnp.asarray(0, jnp.int32))
+
+
+def search(start: Reduced, posed: Sought) -> Reached:
+    """Newton's method with a quarter of the solver's steps first, then with all of them.
+
+    No derivative passes through it.
 
     Args:
         start: scaled reduced state, (8,).
@@ -163,24 +191,11 @@ def search(start: Reduced, posed: Sought) -> Reached:
     size, dtype = start.dtype.itemsize, start.dtype
 
     def stage(root: Reached, how):
-        share, near = how
-        tolerance: Any = jnp.where(root.converged, near, jnp.inf)
-        found = optx.root_find(
-            _known_slopes,
-            optx.Dogleg(rtol=0.0, atol=tolerance),
-            root.u,
-            (posed, share),
-            max_steps=MOST_ITERATIONS,
-            throw=False,
-        )
-        good = root.converged & (found.result == optx.RESULTS.successful)
-        taken = root.iterations + found.stats["num_steps"]
-        return Reached(found.value, good, taken.astype(jnp.int32)), None
+        return newton(root, posed, *how), None
 
     shares = jnp.asarray([COARSE, 1.0], dtype)
-    near = jnp.asarray([_COARSE_ENOUGH[size], NEAR[size]], dtype)
-    first = Reached(start, jnp.asarray(True), jnp.asarray(0, jnp.int32))
-    return jax.lax.scan(stage, first, (shares, near))[0]
+    near = jnp.asarray([COARSE_ENOUGH[size], NEAR[size]], dtype)
+    return jax.lax.scan(stage, begun(start), (shares, near))[0]
 
 
 def first_found(starts: Float[Array, "K 8"], posed: Sought) -> Reached:

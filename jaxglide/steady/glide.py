@@ -84,7 +84,8 @@ def _glide(glider, posed: Sought, root: Reached, u, flown, slopes) -> SteadyGlid
     return SteadyGlide(glider, posed.phase, found, reason, period=period, **known, **masked)
 
 
-def _finished(glider, posed: Sought, root: Reached) -> SteadyGlide:
+def finished(glider, posed: Sought, root: Reached) -> SteadyGlide:
+    """The steady glide at what a search has come to, with its derivatives."""
     u = refined(root.u, posed)
     return _glide(glider, posed, root, u, orbit(u, posed), slopes(u, posed))
 
@@ -113,7 +114,7 @@ def _posed(glider: Glider, phase, step) -> Sought:
     check_range("step", step, "s", 1e-5, 0.05, shape=())
     frozen = not is_traced(gait.f_theta) and float(gait.f_theta) == 0
     mirrored = not frozen and not is_traced(gait.d_theta) and float(gait.d_theta) == 0
-    still = dataclasses.replace(glider, air=_carried(glider.air))
+    still = dataclasses.replace(glider, air=carried(glider.air))
     dtype = gait.theta_m.dtype
     given = jnp.asarray(phase, dtype), jnp.asarray(step, dtype)
     return Sought(still, *given, Kind(frozen, mirrored))
@@ -123,7 +124,7 @@ def _kind(part) -> str:
     return type(part).__name__
 
 
-def _carried(air: AbstractAir) -> StillAir:
+def carried(air: AbstractAir) -> StillAir:
     """The air as one sees it that is carried along by it."""
     if not isinstance(air, StillAir | UniformWind):
         raise TypeError(
@@ -182,7 +183,7 @@ def steady_glide(
         guess = number("guess")(guess)
         check_range("guess", guess, "", shape=(len(COMPONENTS),))
         tried = (guess / known.scales())[None]
-    return _finished(glider, posed, _first_found(jax.lax.stop_gradient(tried), known))
+    return finished(glider, posed, _first_found(jax.lax.stop_gradient(tried), known))
 
 
 def steady_glides(
@@ -218,7 +219,7 @@ def steady_glides(
         if any(np.max(np.abs(here - other)) < apart for other in kept):
             continue
         kept.append(here)
-        glide = _finished(glider, posed, root)
+        glide = finished(glider, posed, root)
         if bool(glide.found):
             found.append(glide)
     return tuple(sorted(found, key=lambda glide: float(glide.glide_angle)))

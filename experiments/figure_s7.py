@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglide import Polar
-from jaxglide.loads.polar import REYNOLDS
+from jaxglide.loads.coefficients import REYNOLDS
 from jaxglide.plot import force_coefficients
 
 ANGLES = np.arange(0.0, 60.5, 0.5)  # deg

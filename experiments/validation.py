@@ -44,8 +44,8 @@ from jaxglide.ensemble.published import (
 from jaxglide.ensemble.survey import survey
 from jaxglide.ensemble.sweep import sweep
 from jaxglide.flight.dynamics import ANGLES, OMEGA, POSITION, VELOCITY
+from jaxglide.loads.coefficients import REYNOLDS
 from jaxglide.loads.inertia import angular_momentum, inertia_tensor
-from jaxglide.loads.polar import REYNOLDS
 from jaxglide.shape.gait import waves
 from jaxglide.shape.kinematics import backbone
 

@@ -213,7 +213,7 @@ def _polar(entries: dict, folder: str | Path) -> AbstractPolar:
     name = str(entries.get("name", POLARS[0]))
     check_choice("polar.name", name, POLARS)
     if name == "band-limited":
-        return Polar.band_limited(entries.get("harmonics", 12), **scales)
+        return Polar.band_limited(entries.get("harmonics"), **scales)
     if "harmonics" in entries:
         raise ValueError(f"polar.harmonics does not apply: it is for {POLARS[2]!r} only")
     return Polar.from_name(name, **scales)

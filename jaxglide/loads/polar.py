@@ -1,8 +1,7 @@
-"""Section force coefficients and their extension beyond the measured angles.
+"""Section force coefficients as functions of the angle of attack and the Reynolds number.
 
-Measured on an aerofoil with the snake's cross-section (Holden et al. 2014,
-doi:10.1242/jeb.090902). Both polars are piecewise polynomials in the angle of attack and
-the Reynolds number on one grid of cells; they differ in degree only.
+The polars of the measured section are piecewise polynomials in both on one grid of cells;
+they differ in degree, and in what runs between the measured angles.
 
 The angle used here is beta = atan2(-v_b, v_c) on the full circle. Beyond +-90 degrees the
 air meets the section from behind; the section is symmetric fore and aft, so
@@ -25,76 +24,26 @@ from .._lib.checks import check_choice, check_integer, check_range, is_traced
 from .._lib.fields import Part, about, floats
 from .._lib.numerics import once
 from .._lib.types import Array, Float, Scalar
+from .coefficients import (
+    BELOW,
+    MEASURED_ANGLES,
+    REYNOLDS,
+    SIGN,
+    circle,
+    extended_tables,
+    faded_tables,
+)
+from .harmonics import (
+    FEWEST_HARMONICS,
+    MOST_HARMONICS,
+    best_harmonics,
+    deviations,
+    regression,
+    waves_at,
+)
 
-MEASURED_ANGLES = (-10.0, 60.0)
-"""Angles of attack within which coefficients were measured [deg]."""
-REYNOLDS = np.arange(3000.0, 15001.0, 2000.0)
-"""Reynolds numbers of the measurements, (7,)."""
-ALPHA = np.arange(-10.0, 91.0, 5.0)
-"""Angles of attack of the extended table [deg], (21,); measured to 60."""
+_KNOTS = np.arange(-180.0, 181.0, 5.0)  # deg
 _LARGEST = 1e3  # of a polynomial coefficient: no section comes near it
-
-_LIFT = np.array(
-    [
-        [-0.22675, -0.41202, -0.46889, -0.54330, -0.45011, -0.45119, -0.54118],
-        [-0.28298, -0.58908, -0.65507, -0.78313, -0.69828, -0.73020, -0.92629],
-        [-0.50933, -0.66243, -0.69804, -0.76275, -0.71451, -0.74524, -0.76698],
-        [-0.51737, -0.53187, -0.48373, -0.55708, -0.48915, -0.46366, -0.47324],
-        [0.04247, 0.13458, 0.19880, 0.23990, 0.24323, 0.24669, 0.27402],
-        [0.56881, 0.55304, 0.60312, 0.70459, 0.65080, 0.68263, 0.73989],
-        [0.83848, 0.83108, 0.91241, 1.02776, 0.96539, 0.99228, 1.07329],
-        [0.92120, 0.98066, 1.05762, 1.21100, 1.12271, 1.15238, 1.24631],
-        [1.13018, 1.15955, 1.22699, 1.39943, 1.30234, 1.34523, 1.45209],
-        [1.14460, 1.22730, 1.34801, 1.79514, 1.73560, 1.80036, 1.91365],
-        [1.09770, 1.26810, 1.32193, 1.50009, 1.38071, 1.42236, 1.51284],
-        [1.04975, 1.21980, 1.31015, 1.44548, 1.34351, 1.40294, 1.50492],
-        [1.02167, 1.12453, 1.18085, 1.34688, 1.26836, 1.27007, 1.38877],
-        [0.95800, 1.03505, 1.08048, 1.20607, 1.13650, 1.14238, 1.23793],
-        [0.88767, 0.97602, 0.99975, 1.14078, 1.04725, 1.07043, 1.14229],
-    ]
-)
-_DRAG = np.array(
-    [
-        [0.43486, 0.46409, 0.47499, 0.52687, 0.49011, 0.50208, 0.54158],
-        [0.37349, 0.37154, 0.38539, 0.43595, 0.40435, 0.41815, 0.46085],
-        [0.33250, 0.33696, 0.34938, 0.39917, 0.37505, 0.38733, 0.43753],
-        [0.31892, 0.32235, 0.34590, 0.37964, 0.36553, 0.40662, 0.43803],
-        [0.32600, 0.38289, 0.40988, 0.46106, 0.43600, 0.44391, 0.46885],
-        [0.40892, 0.43359, 0.45770, 0.52281, 0.47954, 0.49743, 0.53203],
-        [0.46275, 0.49317, 0.53012, 0.59040, 0.55208, 0.56553, 0.60831],
-        [0.49986, 0.54059, 0.57099, 0.64719, 0.59826, 0.61209, 0.65836],
-        [0.55810, 0.59711, 0.62550, 0.71002, 0.66035, 0.68131, 0.73402],
-        [0.60098, 0.67866, 0.70442, 0.70741, 0.66079, 0.66094, 0.71938],
-        [0.87052, 1.03343, 1.03499, 1.13054, 1.04045, 1.05944, 1.08919],
-        [0.98144, 1.14088, 1.19927, 1.30150, 1.21728, 1.25929, 1.33044],
-        [1.12651, 1.27981, 1.33685, 1.50217, 1.42195, 1.41345, 1.53178],
-        [1.28611, 1.42883, 1.47262, 1.62623, 1.54021, 1.53506, 1.65131],
-        [1.36197, 1.55138, 1.57948, 1.77548, 1.63220, 1.65856, 1.75309],
-    ]
-)
-
-
-def extended_tables() -> tuple[np.ndarray, np.ndarray]:
-    """C_L and C_D on (`ALPHA`, `REYNOLDS`), (21, 7): measured, continued to 90 degrees."""
-    alpha = ALPHA[15:]
-    # Drag: a parabola with its vertex at 90 degrees through the measured value at 60.
-    top = np.linspace(2.0, 2.1, REYNOLDS.size)
-    drag = top + (_DRAG[-1] - top) * ((90 - alpha[:, None]) / 30) ** 2
-    # Lift: the minimum-norm cubic with C_L(90) = 0, C_L(60) and a slope at 60. As
-    # published, the slope is per 5-degree step and its row lacks the linear term.
-    powers = np.array([3, 2, 1, 0])
-    rows = np.stack([90.0**powers, 60.0**powers, np.array([3 * 60.0**2, 2 * 60.0, 0, 0])])
-    slope = 1.5 * _LIFT[-1] - 2 * _LIFT[-2] + 0.5 * _LIFT[-3]
-    cubic = np.linalg.lstsq(rows, np.stack([0 * slope, _LIFT[-1], slope]), rcond=None)[0]
-    lift = alpha[:, None] ** powers @ cubic
-    return np.vstack([_LIFT, lift]), np.vstack([_DRAG, drag])
-
-
-def _halves() -> dict[str, tuple[np.ndarray, np.ndarray, float]]:
-    """Extended table, angles below it [deg], and sign behind the section, by name."""
-    below = np.arange(-90.0, -10.0, 5.0)
-    lift, drag = extended_tables()
-    return {"lift": (lift, below, -1.0), "drag": (drag, below, 1.0)}
 
 
 def _linear_cells() -> np.ndarray:
@@ -104,8 +53,8 @@ def _linear_cells() -> np.ndarray:
     which the cells on either side represent exactly.
     """
     cells = []
-    for table, below, sign in _halves().values():
-        front = np.vstack([np.repeat(table[:1], below.size, axis=0), table])  # -90 to 90
+    for table, sign in zip(extended_tables(), SIGN.values(), strict=True):
+        front = np.vstack([np.repeat(table[:1], BELOW.size, axis=0), table])  # -90 to 90
         behind = sign * front[::-1]  # beta from 90 to 270
         pieces = (behind[18:], front, behind[:19])  # from -180 to 180
         cells.append(np.concatenate([_bilinear(piece) for piece in pieces]))
@@ -118,42 +67,59 @@ def _bilinear(values: np.ndarray) -> np.ndarray:
     return np.stack([along_re[:-1], np.diff(along_re, axis=0)], axis=2)
 
 
-def _cubic_cells(harmonics: int | None = None) -> np.ndarray:
-    """Cells (72, 6, 2, 4, 4) of the smooth polar: a tensor-product cubic spline.
+def _splined(circles: np.ndarray) -> np.ndarray:
+    """Cells (..., 72, 6, 2, 4, 4) of C_L and C_D at knots of the full circle, (73, 7, 2, ...).
 
-    Periodic in beta, of which only so many harmonics may be kept, with zero end slopes in
-    Re. Lift fades to zero from -10 to -90
-    degrees (an assumption, as the published clamp is: nothing was measured there).
+    Tensor-product cubic splines, periodic in beta and with zero end slopes in Re.
     """
     from scipy.interpolate import CubicSpline
 
-    cells = []
-    for name, (table, below, sign) in _halves().items():
-        fade = np.sin(np.deg2rad(90 * (below + 90) / 80)) if name == "lift" else 1 + 0 * below
-        front = np.vstack([fade[:, None] * table[0], table])  # -90 to 90
-        behind = sign * front[::-1]  # 90 to 270
-        circle = np.vstack([behind[18:], front[1:], behind[1:19]])  # -180 to 180
-        if harmonics is not None:
-            waves = np.fft.rfft(circle[:-1], axis=0)
-            waves[harmonics + 1 :] = 0
-            circle[:-1] = np.fft.irfft(waves, n=72, axis=0)
-            circle[-1] = circle[0]
-        knots = np.arange(circle.shape[0], dtype=float)
-        in_beta = CubicSpline(knots, circle, bc_type="periodic").c[::-1]  # (4, 72, 7)
-        numbers = np.arange(REYNOLDS.size, dtype=float)
-        in_re = CubicSpline(numbers, in_beta, axis=2, bc_type="clamped").c[::-1]
-        cells.append(in_re.transpose(3, 1, 2, 0))  # from (power, 6, power, 72)
-    return np.stack(cells, axis=2)
+    knots = np.arange(circles.shape[0], dtype=float)
+    circles = np.concatenate([circles[:-1], circles[:1]])  # periodic to the last digit
+    in_beta = CubicSpline(knots, circles, bc_type="periodic").c[::-1]  # (4, 72, 7, 2, ...)
+    numbers = np.arange(REYNOLDS.size, dtype=float)
+    cells = CubicSpline(numbers, in_beta, axis=2, bc_type="clamped").c[::-1]
+    # from (power in Re, 6, power in beta, 72, 2, ...)
+    return np.moveaxis(cells, (3, 1, 4, 2, 0), (-5, -4, -3, -2, -1))
+
+
+def _smooth_cells() -> np.ndarray:
+    """Cells (72, 6, 2, 4, 4) of the smooth polar."""
+    circles = map(circle, faded_tables(), SIGN.values())
+    return _splined(np.stack(list(circles), axis=-1))
+
+
+def _regressed_cells(harmonics: int) -> np.ndarray:
+    """The same of the polar that is band-limited."""
+    both = zip(waves_at(_KNOTS, harmonics), regression(harmonics), strict=True)
+    return _splined(np.stack([at @ waves.amplitudes for at, waves in both], axis=-1))
+
+
+def _deviating_cells(harmonics: int) -> np.ndarray:
+    """What adds to them in every independent standard deviation, (P, 72, 6, 2, 4, 4)."""
+    found = []
+    both = zip(waves_at(_KNOTS, harmonics), regression(harmonics), strict=True)
+    for k, (at, waves) in enumerate(both):
+        along = np.moveaxis(at @ deviations(waves), 0, -1)  # (73, 7, P)
+        circles = np.zeros((*along.shape[:2], 2, along.shape[2]))
+        circles[:, :, k] = along
+        found.append(_splined(circles))
+    return np.concatenate(found)
 
 
 @lru_cache
 def _cells(kind: str) -> np.ndarray:
     if kind == "published":
         return _linear_cells()
-    return _cubic_cells(None if kind == "smooth" else int(kind.split()[0]))
+    return _smooth_cells() if kind == "smooth" else _regressed_cells(_harmonics(kind))
 
 
-_NAMES = ("published", "smooth", *(f"{k} harmonics" for k in range(1, 37)))
+def _harmonics(name: str) -> int:
+    return int(name.split()[0])
+
+
+_HARMONICS = range(FEWEST_HARMONICS, MOST_HARMONICS + 1)
+_NAMES = ("published", "smooth", *(f"{k} harmonics" for k in _HARMONICS))
 
 
 def _given_cells(given: Any) -> Any:
@@ -187,6 +153,14 @@ class AbstractPolar(Part):
         """Reynolds numbers within which they are known; by default all."""
         return 0.0, np.inf
 
+    def spread(self) -> "AbstractPolar | None":
+        """How uncertain its floats are: what adds to them in P independent standard deviations.
+
+        Returns:
+            A polar whose floats have P in front; None, the default, where nobody knows.
+        """
+        return None
+
     @abc.abstractmethod
     def __call__(self, beta, reynolds) -> tuple[Array, Array]:
         """C_L and C_D, the fold's sign included.
@@ -217,7 +191,7 @@ class Polar(AbstractPolar):
         cells: polynomial coefficients, (72, 6, 2, k, k): cell of beta (5 degrees each from
             -180), cell of Re (2000 each from 3000), C_L or C_D, power of the position in
             the beta cell (0 to 1), power of the position in the Re cell; or the name of
-            known ones: "published", "smooth", or "12 harmonics" (see `band_limited`).
+            known ones: "published", "smooth", or "15 harmonics" (see `band_limited`).
         lift_scale, drag_scale: multipliers on C_L and C_D, 0 to 100. The published
             sensitivity case is 1.36 and 0.6.
 
@@ -273,21 +247,42 @@ class Polar(AbstractPolar):
         return cls.from_name("smooth", lift_scale, drag_scale)
 
     @classmethod
-    def band_limited(cls, harmonics: int = 12, lift_scale=1.0, drag_scale=1.0) -> "Polar":
-        """The smooth polar of coefficients low-passed in the angle of attack.
+    def band_limited(
+        cls, harmonics: int | None = None, lift_scale=1.0, drag_scale=1.0
+    ) -> "Polar":
+        """The measured coefficients regressed on waves of the angle of attack.
 
-        Nobody measured how they run between the table's angles, 5 degrees apart: how much
-        that matters shows where it is left out.
+        It does not meet every measured value, as the others do, and knows how far the truth
+        may be from it (see `spread`): for derivatives, and for how sure a result is.
 
         Args:
-            harmonics: of beta on the full circle that are kept, 1 to 36, at every Re.
+            harmonics: of beta on the full circle, 2 to 24, at every Re; by default those with
+                the least error where a measured angle is left out.
             lift_scale, drag_scale: as in `Polar`.
 
         Raises:
             TypeError, ValueError: `harmonics` is no whole number, or out of range.
         """
-        check_integer("harmonics", harmonics, 1, 36)
+        if harmonics is None:
+            harmonics = best_harmonics()
+        check_integer("harmonics", harmonics, FEWEST_HARMONICS, MOST_HARMONICS)
         return cls(_cells(f"{harmonics} harmonics"), lift_scale, drag_scale)
+
+    def spread(self) -> "Polar | None":
+        """Of a band-limited polar, by the covariance of the regression; else None.
+
+        Raises:
+            TypeError: within `jit`, where the cells are not known.
+        """
+        if is_traced(self.cells):
+            raise TypeError("the spread of a polar is not known within jit: ask for it outside")
+        name = name_of_cells(self.cells)
+        if name is None or not name.endswith("harmonics"):
+            return None
+        cells = _deviating_cells(_harmonics(name)).astype(self.cells.dtype)
+        none = np.zeros(len(cells), cells.dtype)
+        parts = lambda polar: (polar.cells, polar.lift_scale, polar.drag_scale)  # noqa: E731
+        return eqx.tree_at(parts, self, (cells, none, none))
 
     @property
     def measured_angles(self) -> tuple[float, float]:

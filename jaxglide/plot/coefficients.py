@@ -12,7 +12,8 @@ from matplotlib.ticker import MultipleLocator
 
 from .._lib.checks import check_range
 from ..body.sections import AbstractBody, discretise, surface_nodes
-from ..loads.polar import ALPHA, REYNOLDS, AbstractPolar, Polar, extended_tables
+from ..loads.coefficients import ALPHA, REYNOLDS, extended_tables
+from ..loads.polar import AbstractPolar, Polar
 from ..tunnel.fall import Fall
 from ..tunnel.glide_polar import BodyPolar, Equilibrium
 from ._labels import plain

@@ -11,39 +11,17 @@ import numpy as np
 from .._lib.checks import check_integer, check_range, is_traced, number
 from .._lib.types import Array, Float
 from ..air.air import AbstractAir, StillAir, UniformWind
-from ..flight.dynamics import ANGLES, PATH, POSITION, Glider, check_glider
+from ..flight.dynamics import ANGLES, Glider, check_glider
 from ..loads.aerodynamics import AbstractAerodynamics
 from ..shape.gait import Gait
 from .closure import NEAR, Kind, Reached, Sought, first_found, orbit, refined, search, slopes
-from .reduced import COMPONENTS, Slopes
+from .figures import figures
+from .reduced import COMPONENTS
 from .result import Reason, SteadyGlide
 from .starts import known_starts, sobol
 
 STEP = 1 / 300
 """Longest step of the solver by default [s]."""
-
-
-def _mean_path(states, period, kind: Kind):
-    """Forward speed, sink rate and rate of turning of the mean path of a cycle.
-
-    The places at the starts of cycles lie on a helix about the vertical: an arc longer than
-    its chord by x/sin x of half the angle turned.
-    """
-    shift, turn = states[-1, POSITION], states[-1, ANGLES][0]
-    sink = -shift[2] / period
-    if kind.frozen:  # the path itself is the helix
-        return states[-1, PATH] / period, sink, turn / period
-    chord = jnp.hypot(shift[0], shift[1])
-    if kind.mirrored:
-        return chord / period, sink, 0 * turn
-    return chord / (jnp.sinc(turn / (2 * jnp.pi)) * period), sink, turn / period
-
-
-def _spectrum(slopes: Slopes, kind: Kind):
-    """Multipliers, the largest first."""
-    values = jnp.linalg.eigvals(slopes)
-    values = jnp.exp(values) if kind.frozen else values
-    return values[jnp.argsort(-jnp.abs(values))]
 
 
 @eqx.filter_jit
@@ -58,30 +36,13 @@ def _glide(glider, posed: Sought, root: Reached, u, flown, slopes) -> SteadyGlid
     reason = jnp.where(root.converged, reason, Reason.NOT_CONVERGED).astype(jnp.int32)
     found = reason == Reason.FOUND
     safe = jnp.where(found, slopes, jnp.eye(u.shape[0], dtype=u.dtype))
-    multipliers = _spectrum(safe, kind)
-    forward, sink, turn = _mean_path(flown.states, period, kind)
-    state = u * posed.scales()
-    figures = {
-        "state": state,
-        "speed": jnp.sqrt(jnp.sum(state[:3] ** 2)),
-        "glide_angle": jnp.arctan2(sink, forward),
-        "forward_speed": forward,
-        "sink_rate": sink,
-        "turn_rate": turn,
-        "multipliers": multipliers,
-        "spectral_radius": jnp.abs(multipliers[0]),
-        "slopes": slopes,
-        "states": flown.states,
-    }
+    known = figures(u, posed, flown.states, safe) | {"slopes": slopes, "states": flown.states}
     masked: dict[str, Any] = {
-        name: jnp.where(found, value, jnp.nan) for name, value in figures.items()
+        name: jnp.where(found, value, jnp.nan) for name, value in known.items()
     }
-    known: dict[str, Any] = {
-        "residual": residual,
-        "iterations": root.iterations,
-        "frozen": kind.frozen,
-    }
-    return SteadyGlide(glider, posed.phase, found, reason, period=period, **known, **masked)
+    search: dict[str, Any] = {"residual": residual, "iterations": root.iterations}
+    given: dict[str, Any] = {"period": period, "step": posed.step, "frozen": kind.frozen}
+    return SteadyGlide(glider, posed.phase, found, reason, **search, **given, **masked)
 
 
 def finished(glider, posed: Sought, root: Reached) -> SteadyGlide:

@@ -69,6 +69,7 @@ class SteadyGlide(eqx.Module, Reported):
             rates), (8, 8).
         states: states of flight through the air over a cycle, at equally spaced times, from
             the origin and yaw 0 (see `dynamics`), (C, 13).
+        step: longest step of the solver [s].
         frozen: whether the body does not undulate (static).
     """
 
@@ -89,6 +90,7 @@ class SteadyGlide(eqx.Module, Reported):
     spectral_radius: Scalar
     slopes: Slopes
     states: Float[Array, "C 13"]
+    step: Scalar
     frozen: bool = eqx.field(static=True)
 
     @property

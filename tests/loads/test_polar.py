@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from jaxglide import Polar
-from jaxglide.loads.polar import ALPHA, REYNOLDS, extended_tables
+from jaxglide.loads.coefficients import ALPHA, REYNOLDS, extended_tables
 
 # A transcript of a few rows of Holden et al. (2014): alpha [deg], C_L and C_D by Re.
 MEASURED = {

@@ -1,4 +1,4 @@
-"""Polars from tables, and the measured one low-passed."""
+"""Polars from tables."""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxglide import Polar, TabulatedPolar
-from jaxglide.loads.polar import ALPHA, REYNOLDS, extended_tables
+from jaxglide.loads.coefficients import ALPHA, REYNOLDS, extended_tables
 
 LIFT, DRAG = extended_tables()
 
@@ -55,24 +55,6 @@ def test_a_table_of_the_full_circle_is_taken_as_it_is():
     polar = TabulatedPolar(angles, [0], np.c_[[0, 1, 2, 3, 0]], np.c_[[1, 2, 3, 4, 1]])
     lift, drag = call(polar, np.deg2rad([-135, 135.0]), 1e4)
     np.testing.assert_allclose([lift, drag], [[0.5, 1.5], [1.5, 2.5]], atol=1e-14)
-
-
-@pytest.mark.parametrize(("harmonics", "rms"), [(9, 0.118), (12, 0.104), (18, 0.057)])
-def test_low_passing_moves_lift_off_the_table_by_what_is_known(harmonics, rms):
-    polar = Polar.band_limited(harmonics)
-    measured = ALPHA <= 60
-    beta, reynolds = np.meshgrid(np.deg2rad(ALPHA[measured]), REYNOLDS, indexing="ij")
-    off = call(polar, beta.ravel(), reynolds.ravel())[0] - LIFT[measured].ravel()
-    assert np.sqrt(np.mean(off**2)) == pytest.approx(rms, abs=5e-4)
-
-
-def test_a_low_passed_polar_has_so_many_harmonics_and_no_more():
-    beta = 2 * np.pi * np.arange(72) / 72 - np.pi  # the knots
-    waves = np.abs(np.fft.rfft(call(Polar.band_limited(9), beta, 9000.0), axis=1)) / 36
-    assert waves[:, 10:].max() < 1e-14
-    assert waves[0, 1:10].max() > 0.1
-    everything = call(Polar.band_limited(36), beta, 9000.0)
-    np.testing.assert_allclose(everything, call(Polar.smooth(), beta, 9000.0), atol=1e-13)
 
 
 def test_files_with_and_without_reynolds_numbers(tmp_path, table):

@@ -14,7 +14,7 @@ from matplotlib.transforms import Bbox
 from jaxglide import Gait, Glider, Launch, Outcome, Polar, Snake, discretise, plot
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.survey import ABOUT, survey
-from jaxglide.loads.polar import ALPHA, REYNOLDS, extended_tables
+from jaxglide.loads.coefficients import ALPHA, REYNOLDS, extended_tables
 from jaxglide.tunnel.fall import Fall
 from jaxglide.tunnel.glide_polar import BodyPolar, Equilibrium
 

@@ -4,6 +4,7 @@ from ._lib.cache import cache
 from ._lib.fields import Parameter, about, floats
 from .air import AbstractAir, Gust, ShearWind, StillAir, Turbulence, UniformWind
 from .body import AbstractBody, Sections, Snake, TabulatedBody, discretise, mass_from_length
+from .ensemble.steady import steady_sweep
 from .ensemble.study import Study
 from .ensemble.survey import survey
 from .ensemble.sweep import sweep
@@ -200,6 +201,7 @@ __all__ = [
     "stability_margin",
     "steady_glide",
     "steady_glides",
+    "steady_sweep",
     "survey",
     "sweep",
     "take_off",

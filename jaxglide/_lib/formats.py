@@ -15,6 +15,7 @@ TITLES = {
     "trajectory": "A piece of flight of a flying snake or another body",
     "glides": "Glides of many cases, of a sweep",
     "shape space": "Glides of the published shape space",
+    "steady glides": "Steady glides of many cases, and their stability",
     "held glides": "Moments of bodies that fall at a held attitude",
     "optimisation": "History of an optimisation",
     "search log": "Evaluations of an optimisation",

@@ -1,12 +1,14 @@
 """What a sweep keeps of every glide: names, shapes and types."""
 
 import math
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from .plan import AbstractPlan
-from .records import _VARIABLES
+from .records import _VARIABLES, study_dataset
 
 _SIZES = {"axis": 3, "turn": 3}
 _WHOLE = ("outcome", "accepted", "rejected")
@@ -52,12 +54,33 @@ def layout(study: AbstractPlan, kind: str) -> dict[str, Layout]:
     }
 
 
-def blank(study: AbstractPlan, kind: str) -> dict[str, np.ndarray]:
-    """Results of no glide yet, by name, (N, ...): -1 and NaN."""
-    return {name: array.blank(len(study)) for name, array in layout(study, kind).items()}
+class Contents(NamedTuple):
+    """What is computed and kept of every case of a study.
+
+    Attributes:
+        format: of a store of that, its name and version.
+        layout: results by name, of a study and float32 or float64.
+        dataset: of a study and its results by name in case order, in the units people read.
+        settings: by name, on which the results depend beside the study.
+    """
+
+    format: str
+    layout: Callable[[AbstractPlan, str], dict[str, Layout]]
+    dataset: Callable[[AbstractPlan, Mapping[str, np.ndarray]], xr.Dataset]
+    settings: Mapping[str, int | float]
 
 
-def bytes_of(study: AbstractPlan, kind: str) -> int:
+GLIDES = Contents("jaxglide sweep 3", layout, study_dataset, {})
+"""What a sweep keeps."""
+
+
+def blank(study: AbstractPlan, kind: str, contents: Contents = GLIDES) -> dict[str, np.ndarray]:
+    """Results of no case yet, by name, (N, ...): -1 and NaN."""
+    found = contents.layout(study, kind)
+    return {name: array.blank(len(study)) for name, array in found.items()}
+
+
+def bytes_of(study: AbstractPlan, kind: str, contents: Contents = GLIDES) -> int:
     """Size of all results."""
-    each = (math.prod(a.shape) * a.dtype.itemsize for a in layout(study, kind).values())
-    return math.prod(study.shape) * sum(each)
+    found = contents.layout(study, kind).values()
+    return math.prod(study.shape) * sum(math.prod(a.shape) * a.dtype.itemsize for a in found)

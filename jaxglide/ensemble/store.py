@@ -29,11 +29,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.writing import BusyError, WriteError, alone, make_folder, sync, write_bytes, writing
-from .layout import blank, bytes_of, layout
+from .layout import GLIDES, Contents, blank, bytes_of
 from .plan import AbstractPlan, Plan
 from .records import versions
+from .steady_records import STEADY, steady_contents
 
-_FORMAT = "jaxglide sweep 3"
 _GLIDES = 16  # in a chunk, at least: less would be lost by a kill, but the disk takes its time
 _CHUNKS = 1024  # at most: every one has a file of each array
 _VERSIONS = ("jaxglide", "jax", "jaxlib", "diffrax", "equinox", "optimistix")  # in the results
@@ -101,7 +101,14 @@ def is_store(path: str | Path) -> bool:
 
 
 def _is_ours(attributes: Mapping[str, Any]) -> bool:
-    return str(attributes.get("format")).startswith("jaxglide sweep")
+    return str(attributes.get("format")).startswith(("jaxglide sweep", "jaxglide steady"))
+
+
+def _contents_of(attributes: Mapping[str, Any]) -> Contents | None:
+    """What a store keeps, by what it says of itself; None for one of no known format."""
+    if attributes.get("format") == STEADY:
+        return steady_contents(*(attributes[name] for name in ("starts", "most", "step")))
+    return GLIDES if attributes.get("format") == GLIDES.format else None
 
 
 class Store:
@@ -111,15 +118,23 @@ class Store:
         path: the folder.
         study: whose results it holds.
         root: bytes of the group's `zarr.json`; by default those of a new store.
+        contents: what it keeps of every case.
     """
 
-    def __init__(self, path: str | Path, study: AbstractPlan, root: bytes | None = None):
+    def __init__(
+        self,
+        path: str | Path,
+        study: AbstractPlan,
+        root: bytes | None = None,
+        contents: Contents = GLIDES,
+    ):
         self.path = Path(path)
-        self.study = study
+        self.study, self.contents = study, contents
         told = versions()
         self.attributes = _attributes(root) or {
-            "format": _FORMAT,
+            "format": contents.format,
             "study": study.to_json(),
+            **contents.settings,
             "precision": precision(),
             **{name: told[name] for name in map("version_{}".format, _VERSIONS)},
         }
@@ -129,7 +144,7 @@ class Store:
         self.size = math.prod(study.shape)
         self.chunk = min(max(_GLIDES, -(-self.size // _CHUNKS)), self.size)
         self.chunks = -(-self.size // self.chunk)
-        self.layout = layout(study, self.attributes["precision"])
+        self.layout = contents.layout(study, self.attributes["precision"])
 
     def rows(self, chunk: int) -> slice:
         """Places of a chunk's glides in the order in which they are solved."""
@@ -159,8 +174,11 @@ class Store:
         away = "choose another place, or delete it"
         if not _is_ours(found):
             raise StoreError(f"{self.path} exists and is not the store of a sweep: {away}")
-        if found.get("format") != _FORMAT:
-            raise StoreError(f"{self.path} was made by another version of jaxglide: {away}")
+        if found.get("format") != self.contents.format:
+            raise StoreError(
+                f"{self.path} holds other results, or was made by another version of jaxglide: "
+                f"{away}"
+            )
         if found.get("study") != self.attributes["study"]:
             raise StoreError(f"{self.path} holds another study: {away}")
         for name, wanted in self.attributes.items():
@@ -232,7 +250,8 @@ class Store:
             StoreError: a finished chunk does not match its digest.
             OSError: one cannot be read.
         """
-        flown, done = blank(self.study, self.attributes["precision"]), self.finished()
+        kind, done = self.attributes["precision"], self.finished()
+        flown = blank(self.study, kind, self.contents)
         for chunk in map(int, np.flatnonzero(done)):
             values = self._read_chunk(chunk)
             if values is None:
@@ -297,7 +316,9 @@ def check_memory(what: str | Path, size: int) -> None:
 
 
 @contextlib.contextmanager
-def opened(path: str | Path, study: AbstractPlan, tell: bool = True) -> Iterator[Store]:
+def opened(
+    path: str | Path, study: AbstractPlan, tell: bool = True, contents: Contents = GLIDES
+) -> Iterator[Store]:
     """The store of a study, made if there is none, held until the block ends.
 
     Another process that asks for it waits, and then finds what this one did. A complete store
@@ -307,13 +328,14 @@ def opened(path: str | Path, study: AbstractPlan, tell: bool = True) -> Iterator
         path: the folder.
         study: whose results it holds.
         tell: say on standard error that this process waits for another.
+        contents: what it keeps of every case.
 
     Raises:
         StoreError: the folder holds something else, another study, or results of another
             precision or version.
         WriteError: it cannot be written.
     """
-    store = Store(path, study)
+    store = Store(path, study, contents=contents)
     if store.exists():
         store.check()
         if store.finished().all():
@@ -343,15 +365,16 @@ def load(path: str | Path) -> Store:
     """
     root = _read(Path(path) / "zarr.json", _LARGEST)
     found = _attributes(root)
-    if found.get("format") != _FORMAT:
-        raise StoreError(f"{path} is not a store that this version of jaxglide makes")
     try:
+        contents = _contents_of(found)
+        if contents is None:
+            raise StoreError(f"{path} is not a store that this version of jaxglide makes")
         study = Plan.from_json(found["study"])
         if found["precision"] not in ("float32", "float64"):
             raise ValueError(f"precision {found['precision']}")
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise StoreError(f"{path} is damaged: its study cannot be read ({error})") from error
-    store = Store(path, study, root)
-    check_memory(path, bytes_of(study, found["precision"]))
+    store = Store(path, study, root, contents)
+    check_memory(path, bytes_of(study, found["precision"], contents))
     store.check()
     return store

@@ -1,7 +1,7 @@
 """Sweeps: many glides, with progress, kept and resumed."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,9 @@ import xarray as xr
 from .._lib.checks import check_integer, check_kind, warn_float32
 from .._lib.progress import progress_bar
 from .batch import default_width, flown
-from .layout import blank, bytes_of
+from .layout import GLIDES, Contents, blank, bytes_of
 from .records import study_dataset
-from .store import check_memory, opened, precision
+from .store import Store, check_memory, opened, precision
 from .study import Study
 
 
@@ -69,7 +69,7 @@ def sweep(
             client = stack.enter_context(connected(cluster, tell))
             fly = partial(solve_on_cluster, client, study, order, width=width)
         kept = None if store is None else stack.enter_context(opened(store, study, tell))
-        found = _fill(study, kept, fly, progress)
+        found = fill(study, kept, fly, progress)
     back = np.argsort(order)
     return study_dataset(study, {name: values[back] for name, values in found.items()})
 
@@ -79,14 +79,30 @@ def _solve_here(study, order, width, rows) -> Iterator[tuple[np.ndarray, Mapping
         yield rows[places], values
 
 
-def _fill(study, kept, fly, progress) -> dict[str, np.ndarray]:
-    """Results in solving order: what the store has, and the rest flown and kept there."""
+def fill(
+    study: Study,
+    kept: Store | None,
+    fly: Callable[[np.ndarray], Iterable[tuple[np.ndarray, Mapping]]],
+    progress: bool | None,
+    contents: Contents = GLIDES,
+    unit: str = "glide",
+) -> dict[str, np.ndarray]:
+    """Results in solving order: what the store has, and the rest computed and kept there.
+
+    Args:
+        study: the study.
+        kept: its store, or None.
+        fly: gives places in the solving order and results there, of places that are missing.
+        progress: show a bar.
+        contents: what is kept of every case.
+        unit: what the bar counts.
+    """
     if kept is None:
-        flown, missing = blank(study, precision()), np.ones(len(study), bool)
+        flown, missing = blank(study, precision(), contents), np.ones(len(study), bool)
     else:
         flown, done = kept.read()
         missing = ~np.repeat(done, kept.chunk)[: len(study)]
-    with progress_bar(len(study), "glide", progress, int((~missing).sum())) as bar:
+    with progress_bar(len(study), unit, progress, int((~missing).sum())) as bar:
         for rows, values in fly(np.flatnonzero(missing)) if missing.any() else ():
             for name, value in flown.items():
                 value[rows] = values[name]

@@ -16,7 +16,6 @@ import xarray as xr
 
 from .._lib.formats import kind_of
 from .._lib.netcdf import load_netcdf
-from ..ensemble.records import study_dataset
 from ..ensemble.store import StoreError, check_memory, is_store, load
 
 _CODECS = {"bytes", "vlen-utf8", "zstd", "gzip", "blosc", "crc32c"}
@@ -30,11 +29,13 @@ def open_dataset(path: str | Path) -> xr.Dataset:
     """A saved result as a dataset in memory.
 
     Args:
-        path: a NetCDF file, the store of a sweep, or a dataset written as Zarr 3.
+        path: a NetCDF file, the store of a sweep or of a steady sweep, or a dataset written
+            as Zarr 3.
 
     Returns:
         The dataset. Of a store that is partly filled, cases that were not computed have
-        outcome -1 and NaN everywhere else; the attributes `computed` and `total` count.
+        outcome or count -1 and NaN everywhere else; the attributes `computed` and `total`
+        count.
 
     Raises:
         FileNotFoundError: there is nothing of that name.
@@ -118,6 +119,7 @@ def _from_store(path: Path) -> xr.Dataset:
     flown, done = store.read()
     computed = int(np.repeat(done, store.chunk)[: store.size].sum())
     back = np.argsort(store.study.order())
-    data = study_dataset(store.study, {name: values[back] for name, values in flown.items()})
+    values = {name: value[back] for name, value in flown.items()}
+    data = store.contents.dataset(store.study, values)
     own = {name: str(v) for name, v in store.attributes.items() if name.startswith("version_")}
     return data.assign_attrs(**own, computed=computed, total=store.size)

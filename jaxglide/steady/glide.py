@@ -60,7 +60,7 @@ def _starts(posed: Sought, more: int) -> Float[Array, "K 8"]:
     return jnp.concatenate([known_starts(posed), jnp.asarray(sobol(more), posed.phase.dtype)])
 
 
-def _posed(glider: Glider, phase, step) -> Sought:
+def sought(glider: Glider, phase, step) -> Sought:
     """A steady glide to be found, checked."""
     check_glider(glider)
     gait, aerodynamics = glider.gait, glider.aerodynamics
@@ -135,7 +135,7 @@ def steady_glide(
         >>> print(f"{glide.speed:.2f} m/s, spectral radius {glide.spectral_radius:.1f}")
         11.55 m/s, spectral radius 6.9
     """
-    posed = _posed(glider, phase, step)
+    posed = sought(glider, phase, step)
     check_integer("starts", starts, 0, 4096)
     known = jax.lax.stop_gradient(posed)
     if guess is None:
@@ -168,7 +168,7 @@ def steady_glides(
     Raises:
         TypeError, ValueError: as in `steady_glide`.
     """
-    posed = _posed(glider, phase, step)
+    posed = sought(glider, phase, step)
     check_integer("starts", starts, 0, 4096)
     check_range("apart", apart, "", 0, 1, low_open=True, shape=())
     roots = _search_all(_starts(posed, starts), posed)

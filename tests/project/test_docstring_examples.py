@@ -32,7 +32,16 @@ MAIN = (
     "varied",
 )
 LONG = (
-    *("cache", "equilibrium", "integrate", "optimise", "reconstruct", "steady_glide", "survey"),
+    *(
+        "cache",
+        "equilibrium",
+        "integrate",
+        "optimise",
+        "reconstruct",
+        "steady_glide",
+        "steady_sweep",
+        "survey",
+    ),
     "trim",
 )
 

@@ -1,7 +1,7 @@
 """Steady sweeps: the steady glides of many cases, kept and resumed."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from .._lib.checks import check_integer, check_kind
+from ..flight.case import Case
 from ..steady.closure import Kind
 from ..steady.glide import STEP, sought
 from .layout import Contents, bytes_of
@@ -80,13 +81,17 @@ def steady_sweep(
     return contents.dataset(study, {name: values[back] for name, values in found.items()})
 
 
-def _kinds(study: Study, index: np.ndarray) -> dict[Kind, np.ndarray]:
-    """Places in `index` by the equation that the cases there fulfil."""
-    lanes, base = study.lanes(index), study.base
-    column = {base.path(name): values for name, values in lanes.items()}
+def kinds(base: Case, varied: Mapping[str, np.ndarray], count: int) -> dict[Kind, np.ndarray]:
+    """Places of cases by the equation that the steady glides there fulfil.
+
+    Args:
+        base: the case with what is fixed.
+        varied: values by path, each (N,).
+        count: N.
+    """
 
     def zero(path: str) -> np.ndarray:
-        return np.broadcast_to(column.get(path, base.value(path)) == 0, len(index))
+        return np.broadcast_to(varied.get(path, base.value(path)) == 0, count)
 
     frozen, mirrored = zero("gait.f_theta"), zero("gait.d_theta")
     parts = {
@@ -103,9 +108,11 @@ def _solved(
     """Places in the solving order, and results there, as they come."""
     settings = contents.settings
     blank = contents.layout(study, precision())
-    for kind, places in _kinds(study, order[rows]).items():
-        seeker = Seeker(study.base, kind, settings["step"])
-        values = study.lanes(order[rows[places]])
+    base, lanes = study.base, study.lanes(order[rows])
+    varied = {base.path(name): values for name, values in lanes.items()}
+    for kind, places in kinds(base, varied, len(rows)).items():
+        seeker = Seeker(base, kind, settings["step"])
+        values = {name: value[places] for name, value in lanes.items()}
 
         def starts(some, seeker=seeker, values=values):
             here = {name: value[some] for name, value in values.items()}

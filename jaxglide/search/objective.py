@@ -21,6 +21,7 @@ from ..flight.glide import Glide, simulate
 from ..flight.launch import Launch
 from ..shape.kinematics import Backbone, backbone
 from ..shape.motion import Bending, at_rest
+from ..steady import SteadyGlide, steady_glide
 
 
 class Trial:
@@ -29,7 +30,12 @@ class Trial:
     Args:
         glider, launch: what is judged.
         **options: how to solve and what ends the flight; keyword arguments of `simulate`.
+
+    Attributes:
+        known: its steady glide, a function of the glider, where a search has found it before.
     """
+
+    known: Callable[[Glider], SteadyGlide] | None = None
 
     def __init__(self, glider: Glider, launch: Launch | None = None, **options):
         self.glider = glider
@@ -48,6 +54,11 @@ class Trial:
     @cached_property
     def glide(self) -> Glide:
         return simulate(self.glider, self.launch, **self.options)
+
+    @cached_property
+    def steady(self) -> SteadyGlide:
+        """The glide that it would settle into; NaN where none is found."""
+        return steady_glide(self.glider) if self.known is None else self.known(self.glider)
 
     @cached_property
     def ground(self) -> Ground:

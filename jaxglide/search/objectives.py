@@ -208,6 +208,23 @@ clearance = Objective("clearance", "chords", _clearance)
 """Least distance over a cycle between parts of the body more than 0.15 of its length apart,
 in greatest chords: below 1 the body may touch itself, which the model does not know."""
 
+steady_glide_angle = Objective(
+    "steady_glide_angle", "deg", lambda trial: jnp.rad2deg(trial.steady.glide_angle), sense=-1
+)
+"""Angle below the horizontal of the path that the gait would settle into (`steady_glide`); NaN
+where there is none."""
+
+steady_sink_rate = Objective(
+    "steady_sink_rate", "m/s", lambda trial: trial.steady.sink_rate, sense=-1
+)
+"""Sink rate of that glide."""
+
+spectral_radius = Objective(
+    "spectral_radius", "", lambda trial: trial.steady.spectral_radius, sense=-1
+)
+"""Largest modulus of that glide's multipliers: below 1 it is stable. No derivative where two of
+the largest meet."""
+
 OBJECTIVES = {
     objective.name: objective
     for objective in (
@@ -221,6 +238,9 @@ OBJECTIVES = {
         curvature,
         undulation_power,
         clearance,
+        steady_glide_angle,
+        steady_sink_rate,
+        spectral_radius,
     )
 }
 """Objectives by name."""

@@ -77,7 +77,7 @@ def _bounds(case: Case, free: Any) -> dict[str, tuple[float, float]]:
     return bounds
 
 
-class _Asked(NamedTuple):
+class Asked(NamedTuple):
     """What of a problem is part of a compiled function."""
 
     objective: Objective
@@ -85,7 +85,7 @@ class _Asked(NamedTuple):
     free: tuple[str, ...]
 
 
-class _Given(NamedTuple):
+class Given(NamedTuple):
     """What is not: other numbers compile nothing."""
 
     case: Case
@@ -94,19 +94,22 @@ class _Given(NamedTuple):
     max_time: Scalar
 
 
-def _values(asked: _Asked, given: _Given, x) -> Float[Array, " v"]:
-    """The objective and the slacks of the constraints at a point (n,), (1 + m,)."""
+def trial_at(asked: Asked, given: Given, x, kind=Trial) -> Trial:
+    """What is judged at a point (n,)."""
     case = given.case.replace(dict(zip(asked.free, x, strict=True)))
-    trial = Trial(
-        case.glider,
-        case.launch,
-        ends=case.ends,
-        rtol=given.rtol,
-        atol=given.atol,
-        max_time=given.max_time,
-    )
+    limits = {name: getattr(given, name) for name in ("rtol", "atol", "max_time")}
+    return kind(case.glider, case.launch, ends=case.ends, **limits)
+
+
+def judged(asked: Asked, trial: Trial) -> Float[Array, " v"]:
+    """The objective and the slacks of the constraints, (1 + m,)."""
     slacks = [constraint.slack(trial) for constraint in asked.constraints]
     return jnp.stack([asked.objective.value(trial), *slacks])
+
+
+def values_at(asked: Asked, given: Given, x) -> Float[Array, " v"]:
+    """The same at a point (n,)."""
+    return judged(asked, trial_at(asked, given, x))
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,20 +242,20 @@ class Problem:
         return np.array([ends[1] for ends in self.free.values()])
 
     @property
-    def asked(self) -> _Asked:
+    def asked(self) -> Asked:
         """What of it is part of a compiled function."""
-        return _Asked(self.objective, self.constraints, self.names)
+        return Asked(self.objective, self.constraints, self.names)
 
-    def given(self, rtol=None, atol=None) -> _Given:
+    def given(self, rtol=None, atol=None) -> Given:
         """What of it is not; tolerances default to its own."""
         rtol = self.rtol if rtol is None else rtol
         atol = self.atol if atol is None else atol
         numbers = (jnp.asarray(x, float) for x in (rtol, atol, self.max_time))
-        return _Given(self.base, *numbers)
+        return Given(self.base, *numbers)
 
     def values(self, x, rtol=None, atol=None):
         """The objective and the slacks of the constraints at a point (n,), (1 + m,)."""
-        return _values(self.asked, self.given(rtol, atol), x)
+        return values_at(self.asked, self.given(rtol, atol), x)
 
     def answer(self, found: Evaluation, count: int, gradients: bool) -> Evaluation:
         """What an evaluator found at `count` points, in float64, checked.
@@ -289,12 +292,12 @@ class Problem:
 
 
 @eqx.filter_jit
-def _batch(asked: _Asked, given: _Given, points: Float[Array, "S n"], gradients: bool):
+def _batch(asked: Asked, given: Given, points: Float[Array, "S n"], gradients: bool):
     """Values (S, 1 + m) and gradients (S, 1 + m, n), or none (S, 1, 0), of points."""
 
     def one(x):
         def twice(x):
-            values = _values(asked, given, x)
+            values = values_at(asked, given, x)
             return values, values
 
         if gradients:
@@ -326,7 +329,7 @@ class Evaluator:
         asked = self.problem.asked
 
         def values(arrays, x):
-            return _values(asked, eqx.combine(arrays, rest), x)
+            return values_at(asked, eqx.combine(arrays, rest), x)
 
         return fingerprint(values, arrays, self.problem.low)
 

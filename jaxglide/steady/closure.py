@@ -28,6 +28,7 @@ LEAST_STEPS = 128
 """Fewest steps of the solver in a cycle."""
 MOST_ITERATIONS = 25  # of each stage of a search
 NEAR = {8: 1e-9, 4: 1e-4}  # how far from closed is still found, by the size of a float
+FORWARD = diffrax.ForwardMode()
 COARSE = 0.25  # of the steps, with which a search begins
 COARSE_ENOUGH = {8: 1e-7, 4: 1e-3}
 
@@ -233,7 +234,7 @@ class Orbit(eqx.Module):
     states: Float[Array, "C 13"]
 
 
-def _orbit(u, posed: Sought, *, adjoint) -> Orbit:
+def orbit_of(u, posed: Sought, *, adjoint) -> Orbit:
     unit, cycle = posed.scales(), posed.cycle()
     steps = cycle.steps * (2 if posed.kind.mirrored else 1)  # the same ones, so the same map
     end, states = flown(u * unit, posed.period, cycle._replace(steps=steps), adjoint)
@@ -242,17 +243,17 @@ def _orbit(u, posed: Sought, *, adjoint) -> Orbit:
     return Orbit(end / unit - u, states)
 
 
-def _slopes(u, posed: Sought, *, adjoint) -> Slopes:
+def slopes_of(u, posed: Sought, *, adjoint) -> Slopes:
     """Derivative of the return map by the scaled state; of a frozen body, of the rates."""
     slopes = missed_with_slopes(u, posed, adjoint)[1]
     return slopes @ slopes if posed.kind.mirrored else slopes
 
 
-orbit = eqx.filter_jit(either_mode(_orbit))
-slopes = eqx.filter_jit(either_mode(_slopes))
+orbit = eqx.filter_jit(either_mode(orbit_of))
+slopes = eqx.filter_jit(either_mode(slopes_of))
 
 
-def refined(u: Reduced, posed: Sought) -> Reduced:
+def refined(u: Reduced, posed: Sought, orbit=orbit, slopes=slopes) -> Reduced:
     """The steady glide at a root, with its derivatives by the implicit function theorem.
 
     One more step of Newton's: what is left of the miss is taken off, and what a change of
@@ -261,6 +262,7 @@ def refined(u: Reduced, posed: Sought) -> Reduced:
     Args:
         u: scaled reduced state that a search has come to, (8,).
         posed: what is sought.
+        orbit, slopes: as those of this module, whose derivatives work in either mode.
     """
     u, known = jax.lax.stop_gradient((u, posed))
     by_state = _less_one(jax.lax.stop_gradient(slopes(u, known)), posed)

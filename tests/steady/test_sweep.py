@@ -109,13 +109,15 @@ def test_a_store_of_other_results_is_refused(study, told, tmp_path):
 
 
 def test_cases_by_the_equation_that_they_fulfil():
-    study = jg.Study({"f_theta": [0.0, 1.2], "d_theta": [0.0, 3.0]}, setup=SETUP)
-    kinds = steady._kinds(study, np.array([3, 2, 1, 0]))
-    assert {kind: places.tolist() for kind, places in kinds.items()} == {
+    base = jg.Study({"nu_theta": [1.4]}, setup=SETUP).base
+    varied = {"gait.f_theta": [1.2, 1.2, 0, 0], "gait.d_theta": [3.0, 0, 3, 0]}
+    found = steady.kinds(base, {n: np.array(v) for n, v in varied.items()}, 4)
+    assert {kind: places.tolist() for kind, places in found.items()} == {
         Kind(True, False): [2, 3],
         Kind(False, True): [1],
         Kind(False, False): [0],
     }
+    assert list(steady.kinds(base, {}, 1)) == [Kind(False, True)]
 
 
 @pytest.mark.parametrize(

@@ -158,8 +158,8 @@ def draw_shapes(steady: xr.Dataset) -> Figure:
             if row is axes[0]:
                 ax.set_title("frozen" if f_theta == 0 else f"{f_theta} Hz")
             else:
-                ax.set_xlabel("ν_θ")
-        row[0].set_ylabel("θ_m (deg)")
+                ax.set_xlabel("nu_theta")
+        row[0].set_ylabel("theta_m (deg)")
         figure.colorbar(picture, ax=list(row), label=label)
     return figure
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from .._lib.cores import cores
 from .._lib.types import Array
-from ..flight.case import Case
 from ..flight.glide import PILOT, Glide, landed, ready
 from ..flight.pool import Program, Task, Turn
 from .study import Study, nodes_of
@@ -234,10 +233,10 @@ def spread(one: Callable, devices: tuple, common: int):
     return run
 
 
-def shared(case: Case) -> tuple[Case, tuple]:
-    """The arrays of a case, which all lanes share, and what a compiled function is kept by:
-    the case without them."""
-    arrays, static = eqx.partition(case, eqx.is_array)
+def shared(part: Any) -> tuple[Any, tuple]:
+    """The arrays of what all lanes share, a case for one, and what a compiled function is
+    kept by: the rest of it."""
+    arrays, static = eqx.partition(part, eqx.is_array)
     leaves, structure = jax.tree.flatten(static)
     # of no device: they go to whatever devices the lanes are on
     return jax.tree.map(np.asarray, arrays), (structure, tuple(leaves))

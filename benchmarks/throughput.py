@@ -75,9 +75,9 @@ def busy_share(study, width: int) -> tuple:
 
     turns, fly = [], batch.fly
 
-    def counted(program, values, lanes, *rest):
-        for ended in fly(program, values, lanes, *rest):
-            turns.append((int(ended[2].busy), lanes * int(ended[2].steps)))
+    def counted(program, values, fleet, *rest):
+        for ended in fly(program, values, fleet, *rest):
+            turns.append((int(ended[2].busy), fleet.lanes * int(ended[2].steps)))
             yield ended
 
     with mock.patch.object(batch, "fly", counted):
@@ -91,13 +91,13 @@ def run(glides: int, polar: str, double: bool, width: int | None) -> dict:
     import jax
 
     jax.config.update("jax_enable_x64", double)
-    from jaxglide.ensemble.batch import default_width, workers
+    from jaxglide.ensemble.batch import width_of, workers
     from jaxglide.ensemble.study import Study
 
     tolerance = 1e-6 if double else 1e-5
     given = {"rtol": tolerance, "atol": tolerance, "setup": {"polar": polar}}
     study = Study(cases=cases(glides), **given)
-    width = width or default_width(study)
+    width = width or width_of(study)
     begin = time.perf_counter()
     busy_share(study.part(np.arange(min(64, glides))), width)
     compiled = time.perf_counter() - begin

@@ -23,9 +23,10 @@ from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
 from jaxglide.flight.extrapolation import extrapolation
 from jaxglide.plot import before_and_after, convergence, paths
+from jaxglide.search.evaluator import Evaluator
 from jaxglide.search.objectives import clearance, landing_distance, stability_margin
 from jaxglide.search.optimum import Optimum, optimise, verify
-from jaxglide.search.problem import SETUP, Evaluator, Problem
+from jaxglide.search.problem import SETUP, Problem
 
 SHAPE = ("theta_m", "nu_theta", "d_psi")
 GAIT = ("nu_theta", "theta_m", "psi_m", "d_psi", "f_theta")

@@ -29,9 +29,10 @@ from optimal_gaits import (
 
 from jaxglide import discretise
 from jaxglide.plot import style
+from jaxglide.search.evaluator import Evaluator
 from jaxglide.search.objectives import landing_distance, stability_margin, varied
 from jaxglide.search.optimum import optimise
-from jaxglide.search.problem import Evaluator, Problem
+from jaxglide.search.problem import Problem
 
 SPREAD = 0.1
 CHANGED = ("lift_scale", "drag_scale", "speed", "mass")

@@ -20,8 +20,9 @@ from optimal_gaits import problem_of
 from scipy.optimize import minimize
 
 from jaxglide.plot import style
+from jaxglide.search.evaluator import Evaluator
 from jaxglide.search.optimum import optimise
-from jaxglide.search.problem import Evaluation, Evaluator, Problem
+from jaxglide.search.problem import Evaluation, Problem
 
 SEEDS = 5
 CHAINS = 4  # of Nelder-Mead searches side by side in one budget

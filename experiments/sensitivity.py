@@ -16,8 +16,9 @@ from jaxglide.ensemble.published import NU_THETA, THETA_M, regions
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
 from jaxglide.plot import sensitivity_map
+from jaxglide.search.evaluator import Evaluator
 from jaxglide.search.objectives import landing_distance
-from jaxglide.search.problem import SETUP, Evaluator, Problem
+from jaxglide.search.problem import SETUP, Problem
 
 WIDER = {**OBSERVED, "theta_m": (80.0, 125.0)}
 STEP = 1e-4  # of central differences, in ranges of the parameters

@@ -49,8 +49,9 @@ def _found(args) -> tuple[float, dict[str, dict[str, Any]]]:
     """The value of the objective, and the rows of the table by name."""
     import numpy as np
 
+    from ..search.evaluator import Evaluator
     from ..search.objectives import OBJECTIVES
-    from ..search.problem import Evaluator, Problem
+    from ..search.problem import Problem
 
     fixed, base = fixed_of(args), case_of(args)
     base.check(fixed)

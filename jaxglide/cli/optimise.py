@@ -198,9 +198,9 @@ def _plain(args, found, sense: int) -> dict[str, Any]:
 
 def _run(args) -> int:
     from ..flight.extrapolation import extrapolation
+    from ..search.evaluator import Evaluator
     from ..search.objectives import OBJECTIVES
     from ..search.optimum import optimise, verify
-    from ..search.problem import Evaluator
 
     problem, sense = _problem(args), OBJECTIVES[args.objective].sense
     say_where(args, "log", "save", "plot")

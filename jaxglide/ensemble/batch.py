@@ -2,10 +2,11 @@
 
 import queue
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -60,6 +61,21 @@ def workers() -> tuple:
     return devices * cores()
 
 
+def on_workers(function: Callable, items: Iterable) -> list:
+    """A function's values of all items, in order, a thread a core or GPU."""
+    devices, x64 = workers(), jax.config.jax_enable_x64  # type: ignore[attr-defined]
+
+    def one(numbered):
+        k, item = numbered
+        several = len(set(devices)) > 1
+        here = jax.default_device(devices[k % len(devices)]) if several else nullcontext()
+        with jax.enable_x64(x64), here:
+            return function(item)
+
+    with ThreadPoolExecutor(len(devices)) as threads:
+        return list(threads.map(one, enumerate(items)))
+
+
 class Supply:
     """Cases that are handed out to threads: many at first, few in the end.
 
@@ -87,22 +103,45 @@ def _at(tree, places) -> Any:
     return jax.tree.map(lambda x: x[places], tree)
 
 
+class Fleet(NamedTuple):
+    """How many fly at once, and where.
+
+    Attributes:
+        devices: one a thread and pool.
+        lanes: of each pool.
+    """
+
+    devices: tuple
+    lanes: int
+
+    @classmethod
+    def of(cls, width: int) -> "Fleet":
+        """Pools of so many lanes together, or a few more."""
+        devices = workers()
+        return cls(devices, _rounded(-(-width // len(devices))))
+
+    @property
+    def block(self) -> int:
+        """Cases that a program makes ready, and concludes, at a time."""
+        return _BLOCK if self.devices[0].platform == "cpu" else self.lanes
+
+
 def fly(
-    program: Program, values: Mapping[str, np.ndarray], lanes: int, devices: tuple, shared=()
+    program: Program, values: Any, fleet: Fleet, shared=()
 ) -> Iterator[tuple[np.ndarray, Any, Turn]]:
     """Fly cases in a pool on each device, and yield what has ended as it comes.
 
     Args:
         program: of the pools.
         values: of all N cases, a tree of arrays (N, ...).
-        lanes: of each pool.
-        devices: one a thread.
+        fleet: the pools.
         shared: what all cases share, trees of arrays.
 
     Yields:
         Numbers of cases, (n,), their results, a tree of arrays (n, ...), and the turn they
         came with.
     """
+    devices, lanes = fleet
     count, room = len(jax.tree.leaves(values)[0]), _QUEUE * lanes
     supply = Supply(count, len(devices), program.block, room)
     told: queue.SimpleQueue = queue.SimpleQueue()
@@ -157,6 +196,18 @@ def fly(
                     yield *ended, turn
         finally:
             stop.set()
+
+
+def together(parts: Iterable[tuple[np.ndarray, Any]]) -> Any:
+    """Results of all cases in their order, (N, ...), from those of some and their places."""
+    places, found = zip(*parts, strict=True)
+    back = np.argsort(np.concatenate(places))
+    return jax.tree.map(lambda *each: np.concatenate(each)[back], *found)
+
+
+def fly_all(program: Program, values: Any, fleet: Fleet, shared=()) -> Any:
+    """Results of cases flown in pools, a tree of arrays (N, ...), in their order; see `fly`."""
+    return together((cases, found) for cases, found, _ in fly(program, values, fleet, shared))
 
 
 @lru_cache(maxsize=16)
@@ -242,18 +293,29 @@ def shared(part: Any) -> tuple[Any, tuple]:
     return jax.tree.map(np.asarray, arrays), (structure, tuple(leaves))
 
 
-def default_width(study: Study) -> int:
-    """Lanes of all pools together: by cache on CPU cores, by memory on GPUs."""
+def default_width(count: int, nodes: int, kept: int = 0) -> int:
+    """Lanes of all pools together: by cache on CPU cores, by memory on GPUs.
+
+    Args:
+        count: of cases.
+        nodes: of the body.
+        kept: numbers kept of each flight's states.
+    """
     devices = workers()
-    each = -(-len(study) // len(devices))
+    each = -(-count // len(devices))
     if devices[0].platform == "cpu":
         most, each = _LANES, each // _FLIGHTS
     else:
         memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
-        states = study.state_size * len(study.times or ())
-        per_lane = 8 * (_LIVE * nodes_of(study.base) + (_QUEUE + 3) * (20 * 13 + states))
+        per_lane = 8 * (_LIVE * nodes + (_QUEUE + 3) * (20 * 13 + kept))
         most = int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT
     return len(devices) * max(_UNIT, min(most, _rounded(each)))
+
+
+def width_of(study: Study) -> int:
+    """`default_width` of a study."""
+    states = study.state_size * len(study.times or ())
+    return default_width(len(study), nodes_of(study.base), states)
 
 
 def _rounded(lanes: int) -> int:
@@ -274,23 +336,18 @@ def flown(
         Places in `index`, and what `results` keeps of the cases there: to the bit the same
         whatever the pools and the neighbours.
     """
-    devices = workers()
-    lanes = _rounded(-(-width // len(devices)))
+    fleet = Fleet.of(width)
     arrays, key = shared(study.base)
     times = None if study.times is None else np.asarray(study.times, float)
     limits = (np.asarray(getattr(study, name)) for name in ("rtol", "atol", "max_time"))
-    block = _BLOCK if devices[0].platform == "cpu" else lanes
-    program = _program(*key, study.max_steps, block)
+    program = _program(*key, study.max_steps, fleet.block)
     last = len(index) - 1
     # the long ones first: what flies last is soon over
     values = study.lanes(index[::-1])
-    for cases, found, _ in fly(program, values, lanes, devices, (arrays, times, *limits)):
+    for cases, found, _ in fly(program, values, fleet, (arrays, times, *limits)):
         yield last - cases, found
 
 
 def solve(study: Study, index: np.ndarray, width: int) -> dict[str, np.ndarray]:
     """What `flown` gives, of all cases together, in the order of `index`, by name."""
-    parts = list(flown(study, index, width))
-    back = np.argsort(np.concatenate([places for places, _ in parts]))
-    names = parts[0][1]
-    return {n: np.concatenate([part[n] for _, part in parts])[back] for n in names}
+    return together(flown(study, index, width))

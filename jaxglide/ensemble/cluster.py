@@ -36,10 +36,10 @@ def _task(
         if name != "version_python" and expected[name] != version:
             raise ClusterError(f"a worker has {name} {version}, not {expected[name]} as here")
     jax.config.update("jax_enable_x64", x64)
-    from .batch import default_width, solve
+    from .batch import solve, width_of
 
     study = Study.from_json(cases) if isinstance(cases, str) else cases
-    return solve(study, np.arange(len(study)), width or default_width(study))
+    return solve(study, np.arange(len(study)), width or width_of(study))
 
 
 @contextlib.contextmanager

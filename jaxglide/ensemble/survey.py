@@ -1,5 +1,6 @@
 """Wind-tunnel surveys: held glides of many cases, and their moments."""
 
+import math
 from functools import lru_cache
 
 import equinox as eqx
@@ -12,11 +13,12 @@ from .._lib.checks import check_kind, check_range, warn_float32
 from .._lib.defaults import HELD_SPEED, MAX_STEPS, MAX_TIME
 from .._lib.units import labelled
 from ..flight.ends import default_ends, outcome_words
-from ..tunnel.fall import fall, read_records
+from ..flight.pool import Program, Task
+from ..tunnel.fall import FALLER, landed, read_records, ready
 from ..tunnel.loads import MOMENT_PHASES, check_angles, over_phases
-from .batch import shared, spread, workers
+from .batch import Fleet, default_width, fly_all, shared, spread, workers
 from .records import outcome_flags, stamp, study_coordinates
-from .study import Study
+from .study import Study, nodes_of
 
 ABOUT = ("pitch", "roll", "yaw")
 """Body axes x, y, z by the turn about them."""
@@ -39,13 +41,16 @@ _VARIABLES = {
 
 
 @lru_cache(maxsize=16)
-def _faller(structure, leaves, options, devices):
+def _faller(structure, leaves, options, block):
     static, options = jax.tree.unflatten(structure, leaves), dict(options)
 
-    def one(values, arrays, angles, rtol, atol):
+    def prepare(values, arrays, angles, rtol, atol) -> Task:
         case = eqx.combine(arrays, static).replace(values)
-        tolerances = {"rtol": rtol, "atol": atol}
-        fallen = fall(case.glider, case.launch, angles=angles, **tolerances, **options)
+        given = {"angles": angles, "rtol": rtol, "atol": atol}
+        return ready(case.glider, case.launch, **given, **options)
+
+    def conclude(task: Task, solved):
+        fallen = landed(task, solved)
         return {
             "outcome": fallen.outcome.astype(jnp.int32),
             "time": fallen.time,
@@ -54,7 +59,7 @@ def _faller(structure, leaves, options, devices):
             "last": fallen.last.astype(jnp.int32),
         }
 
-    return spread(one, devices, 4)
+    return Program(FALLER, prepare, conclude, block)
 
 
 @lru_cache(maxsize=16)
@@ -79,8 +84,8 @@ def survey(
 ) -> xr.Dataset:
     """Held glides of all cases of a study, and the moments by phase at every record.
 
-    All cases fall in one vmapped computation on all cores, or GPUs, and all are read in
-    another.
+    All cases fall in pools of lanes on all cores, or GPUs, and all are read in one vmapped
+    computation.
 
     Args:
         study: what to drop; tolerances below 1e-6 pay for gradients only. Without a speed
@@ -110,18 +115,20 @@ def survey(
     check_range("interval", interval, "s", 1e-4, 10, shape=())
     check_range("max_time", max_time, "s", 0, 1e4 * interval, low_open=True, shape=())
     lanes = study.lanes(np.arange(len(study)))
-    base, devices = study.base, workers()
+    base = study.base
     if base.launch.speed is None and "launch.speed" not in map(base.path, lanes):
         base = base.replace({"launch.speed": HELD_SPEED})
     arrays, key = shared(base)
     options = {"interval": float(interval), "max_time": float(max_time)}
     limits = np.asarray(study.rtol), np.asarray(study.atol)
-    drop = _faller(*key, tuple(options.items()), devices)
-    fallen = drop(lanes, len(study), arrays, held, *limits)
+    kept = 6 * (math.ceil(max_time / interval) + 1)
+    fleet = Fleet.of(default_width(len(study), nodes_of(base), kept))
+    drop = _faller(*key, tuple(options.items()), fleet.block)
+    fallen = fly_all(drop, lanes, fleet, (arrays, held, *limits))
     records = int(fallen["last"].max()) + 1
     states = fallen.pop("states")[:, :records]
     times = interval * np.arange(records)
-    look = _reader(*key, phases, devices)
+    look = _reader(*key, phases, workers())
     read = look({"values": lanes, "states": states}, len(study), arrays, held, times)
     aerodynamic, inertial = 1e3 * read["aerodynamic"], 1e3 * read["inertial"]
     of_air, of_shape = (over_phases(jnp.asarray(m)) for m in (aerodynamic, inertial))

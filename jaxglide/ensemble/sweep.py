@@ -11,7 +11,7 @@ import xarray as xr
 
 from .._lib.checks import check_integer, check_kind, warn_float32
 from .._lib.progress import progress_bar
-from .batch import default_width, flown
+from .batch import flown, width_of
 from .layout import GLIDES, Contents, blank, bytes_of
 from .records import study_dataset
 from .store import Store, check_memory, opened, precision
@@ -62,7 +62,7 @@ def sweep(
     order, tell = study.order(), progress is not False
     with contextlib.ExitStack() as stack:
         if cluster is None:
-            fly = partial(_solve_here, study, order, width or default_width(study))
+            fly = partial(_solve_here, study, order, width or width_of(study))
         else:
             from .cluster import connected, solve_on_cluster
 

@@ -1,7 +1,8 @@
 """Force multipliers that bring simulated flights closest to measured ones.
 
 Least squares over the measured window of all flights at once, by exact gradients
-(Levenberg-Marquardt of Optimistix); see `misfit`.
+(Levenberg-Marquardt of Optimistix); see `misfit`. Fits of several starts, or of several
+choices of animals, run at the same time on all cores.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,6 +17,7 @@ import xarray as xr
 from .._lib.checks import check_integer, check_range
 from .._lib.report import Report, Reported
 from .._lib.units import labelled
+from ..ensemble.batch import on_workers
 from ..ensemble.records import stamp
 from .flights import check_flights, measured_of
 from .misfit import SCALES, FitData, FitPlan, sensitivities, solve
@@ -176,7 +178,7 @@ class Fitter:
         check_integer("starts", starts, 1, 10_000)
         drawn = np.random.default_rng(seed).uniform(np.log(0.5), np.log(2), (starts, 2))
         drawn[0] = 0.0
-        found = [self.approach(self.start(np.exp(one))) for one in drawn]
+        found = on_workers(self.approach, [self.start(np.exp(one)) for one in drawn])
         costs = np.array([cost for _, cost, _, _ in found])
         best = found[int(np.nanargmin(costs))][0]
         before, after = self.errors(self.start()), self.errors(best)
@@ -220,12 +222,11 @@ class Fitter:
         """Scales fitted to animals drawn anew with replacement, (count, 2)."""
         check_integer("count", count, 1, 100_000)
         rng, names = np.random.default_rng(seed), np.unique(self.animals)
-        start, found = self.start() if start is None else start, []
-        for _ in range(count):
-            drawn = rng.choice(names, len(names))
-            weights = np.array([np.sum(drawn == animal) for animal in self.animals])
-            found.append(np.exp(self.solve(start, weights)[0][0]))
-        return np.array(found)
+        start = self.start() if start is None else start
+        drawn = [rng.choice(names, len(names)) for _ in range(count)]
+        weights = [np.array([np.sum(one == a) for a in self.animals]) for one in drawn]
+        found = on_workers(lambda each: self.solve(start, each)[0][0], weights)
+        return np.exp(found)
 
     def leave_out(self, start=None) -> list[dict[str, Any]]:
         """Each animal's flights predicted by a fit to those of the others.
@@ -235,22 +236,22 @@ class Fitter:
             and the root mean square distance of its paths [m], predicted and unfitted.
         """
         start = self.start() if start is None else start
-        before, rows = self.errors(self.start()), []
-        for animal in np.unique(self.animals):
+        before = self.errors(self.start())
+
+        def without(animal) -> dict[str, Any]:
             own = self.animals == animal
             y = self.solve(start, ~own)[0]
             # nothing is known of the left-out animal's gait beyond its measurement
             predicted = self.errors((y[0], np.zeros_like(y[1])))[own]
-            rows.append(
-                {
-                    "animal": str(animal),
-                    "flights": int(own.sum()),
-                    **dict(zip(SCALES, np.exp(y[0]).tolist(), strict=True)),
-                    "predicted": float(np.sqrt(np.mean(predicted**2))),
-                    "unfitted": float(np.sqrt(np.mean(before[own] ** 2))),
-                }
-            )
-        return rows
+            return {
+                "animal": str(animal),
+                "flights": int(own.sum()),
+                **dict(zip(SCALES, np.exp(y[0]).tolist(), strict=True)),
+                "predicted": float(np.sqrt(np.mean(predicted**2))),
+                "unfitted": float(np.sqrt(np.mean(before[own] ** 2))),
+            }
+
+        return on_workers(without, np.unique(self.animals))
 
 
 def fit(

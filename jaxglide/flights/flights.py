@@ -2,7 +2,7 @@
 
 Each flight is a measured path with the gait, length, mass and start of the animal, as in the
 dataset of `jaxglide.measured` (read from its file, or made there; this module only needs its
-variables). All of them fly as one vmapped computation.
+variables). All of them fly in pools of lanes.
 """
 
 from collections.abc import Mapping
@@ -16,17 +16,18 @@ import xarray as xr
 
 from .._lib.checks import check_choice, check_range, warn_float32
 from .._lib.datasets import Schema, Variable, checked
-from .._lib.defaults import CHOICES
+from .._lib.defaults import CHOICES, MAX_STEPS
 from .._lib.fields import parameters_of
 from .._lib.types import Array, Float
 from .._lib.units import labelled
 from ..body.snake import Snake
-from ..ensemble.batch import spread, workers
+from ..ensemble.batch import Fleet, default_width, fly_all
 from ..ensemble.records import stamp
-from ..flight.dynamics import ANGLES, POSITION, VELOCITY, Glider
+from ..flight.dynamics import ANGLES, POSITION, RIGID, VELOCITY, Glider
 from ..flight.ends import Outcome
-from ..flight.glide import simulate
+from ..flight.glide import PILOT, landed, ready
 from ..flight.launch import Launch
+from ..flight.pool import Program, Task
 from ..loads.polar import Polar
 from ..shape.gait import Gait
 
@@ -164,15 +165,19 @@ def build_flight(flight: Measured, polar: Polar, nodes: int | None) -> tuple[Gli
 
 
 @lru_cache(maxsize=8)
-def _flier(polar: str, nodes: int | None, devices: tuple):
-    """Compiled function that flies all flights, shared out over the devices."""
+def _flier(polar: str, nodes: int | None, block: int) -> Program:
+    """Program that flies all flights."""
 
-    def one(fields, lift_scale, drag_scale, tolerance):
+    def prepare(fields, lift_scale, drag_scale, tolerance) -> Task:
         air = Polar.from_name(polar, lift_scale, drag_scale)
         glider, launch = build_flight(Measured(**fields), air, nodes)
-        options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance}
-        glide = simulate(glider, launch, times=_TIMES, max_time=_LONGEST, **options)
-        assert glide.states is not None
+        options: dict[str, Any] = {"ends": None, "rtol": tolerance, "atol": tolerance}
+        return ready(
+            glider, launch, times=_TIMES, max_time=_LONGEST, max_steps=MAX_STEPS, **options
+        )
+
+    def conclude(task: Task, solved):
+        glide = landed(task, solved)
         return {
             "states": glide.states,
             "end": glide.state,
@@ -182,7 +187,7 @@ def _flier(polar: str, nodes: int | None, devices: tuple):
             "angles": glide.take_off.angles,
         }
 
-    return spread(one, devices, 3)
+    return Program(PILOT, prepare, conclude, block)
 
 
 def _flown_dataset(data: xr.Dataset, flown: Mapping[str, np.ndarray]) -> xr.Dataset:
@@ -273,9 +278,12 @@ def fly_flights(
     for name, scale in (("lift_scale", lift_scale), ("drag_scale", drag_scale)):
         check_range(name, scale, "", 0, 100, shape=())
     fields = {name: np.asarray(values) for name, values in vars(flights).items()}
-    fly = _flier(polar, nodes, workers())
-    scales = (jnp.asarray(float(scale)) for scale in (lift_scale, drag_scale))
-    flown = fly(fields, len(data["trial"]), *scales, jnp.asarray(float(tolerance)))
+    fleet = Fleet.of(
+        default_width(len(data["trial"]), nodes or GAUSS_NODES, RIGID * len(_TIMES))
+    )
+    fly = _flier(polar, nodes, fleet.block)
+    given = tuple(np.asarray(float(x)) for x in (lift_scale, drag_scale, tolerance))
+    flown = fly_all(fly, fields, fleet, given)
     found = _flown_dataset(data, flown)
     about = {"polar": polar, "node_set": node_set, "tolerance": tolerance}
     about |= {"lift_scale": lift_scale, "drag_scale": drag_scale}

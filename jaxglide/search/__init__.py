@@ -1,5 +1,6 @@
 """Objectives, problems and the search for the best gait or body."""
 
+from .evaluator import Evaluator
 from .objective import Constraint, Objective, Trial
 from .objectives import (
     OBJECTIVES,
@@ -20,7 +21,7 @@ from .objectives import (
     varied,
 )
 from .optimum import Optimum, Status, Verification, optimise, verify
-from .problem import Evaluation, Evaluator, Problem
+from .problem import Evaluation, Problem
 
 __all__ = [
     "OBJECTIVES",

@@ -42,6 +42,15 @@ class Trial:
         self.launch = Launch() if launch is None else launch
         self.options = options
 
+    @classmethod
+    def of(cls, glide: Glide) -> "Trial":
+        """The judgement of a glide that has been flown."""
+        settings = glide.settings
+        limits = {name: getattr(settings, name) for name in ("rtol", "atol", "max_time")}
+        trial = cls(glide.glider, glide.launch, ends=settings.ends, **limits)
+        trial.glide = glide
+        return trial
+
     @cached_property
     def ends(self) -> tuple[AbstractEnd, ...]:
         ends = self.options.get("ends")

@@ -21,9 +21,10 @@ from ..ensemble.records import versions
 from .ascent import FEASIBLE, Ascent
 from .climb import Search
 from .climb import Status as Status
+from .evaluator import Evaluator, fingerprint
 from .journal import keeping
 from .polish import RADIUS, neighbours
-from .problem import Evaluator, Problem, fingerprint
+from .problem import Problem
 
 OPTIMISERS = ("adam", "lbfgs")
 """Optimisers by name; others of optax can be passed themselves."""

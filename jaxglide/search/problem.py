@@ -1,22 +1,18 @@
 """A problem of optimisation, and its values and gradients at many points."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import KW_ONLY, InitVar, dataclass, field
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._lib.checks import as_number, check_range, warn_float32
+from .._lib.checks import as_number, check_range
 from .._lib.defaults import GRADIENT_SETUP as SETUP
 from .._lib.defaults import SEARCH_TOLERANCE
-from .._lib.fingerprint import fingerprint
 from .._lib.records import encode
 from .._lib.types import Array, Float, Scalar
-from ..ensemble.batch import workers
 from ..ensemble.study import base_of, check_above_ground, fixed_case
 from ..flight.case import Case
 from ..flight.dynamics import Glider
@@ -289,77 +285,3 @@ class Problem:
             "atol": self.atol,
             "max_time": self.max_time,
         }
-
-
-@eqx.filter_jit
-def _batch(asked: Asked, given: Given, points: Float[Array, "S n"], gradients: bool):
-    """Values (S, 1 + m) and gradients (S, 1 + m, n), or none (S, 1, 0), of points."""
-
-    def one(x):
-        def twice(x):
-            values = values_at(asked, given, x)
-            return values, values
-
-        if gradients:
-            return jax.jacfwd(twice, has_aux=True)(x)[::-1]
-        return twice(x)[0], x[None, :0]
-
-    return jax.vmap(one)(points)
-
-
-class Evaluator:
-    """Values, with gradients or without, of many points of a problem on all devices.
-
-    Args:
-        problem: the problem.
-        gradients: whether to compute gradients too (forward mode while there are fewer
-            parameters than results of a glide, else reverse mode; see `simulate`).
-    """
-
-    def __init__(self, problem: Problem, gradients: bool = True):
-        if not isinstance(problem, Problem):
-            raise TypeError(f"problem = {problem!r} is not a Problem")
-        self.told = warn_float32(problem.rtol, problem.atol)
-        self.problem, self.gradients, self.width = problem, gradients, 0
-        self._workers = workers()
-
-    def fingerprint(self) -> str:
-        """A digest of all that is computed, down to the code of the user's own objective."""
-        arrays, rest = eqx.partition(self.problem.given(), eqx.is_array)
-        asked = self.problem.asked
-
-        def values(arrays, x):
-            return values_at(asked, eqx.combine(arrays, rest), x)
-
-        return fingerprint(values, arrays, self.problem.low)
-
-    def __call__(self, points: np.ndarray, rtol=None, atol=None) -> Evaluation:
-        """Evaluate points (S, n) in batches; tolerances default to the problem's.
-
-        Raises:
-            ValueError: points of another shape, out of a parameter's range or not finite.
-        """
-        problem, threads = self.problem, self._workers
-        points, n = np.asarray(points, float), len(problem.names)
-        if points.ndim != 2 or points.shape[1] != n or not len(points):
-            raise ValueError(f"points of shape {points.shape} are not (S, {n}) or are none")
-        problem.base.check(dict(zip(problem.names, points.T, strict=True)))
-        rtol = problem.rtol if rtol is None else rtol
-        atol = problem.atol if atol is None else atol
-        for name, value in (("rtol", rtol), ("atol", atol)):
-            check_range(name, value, "", 0, 0.1, low_open=True, shape=())
-        self.told = self.told or warn_float32(rtol, atol)
-        asked, given = problem.asked, problem.given(rtol, atol)
-        if not self.width:  # kept, so that fewer points later compile nothing
-            batches = -(-len(points) // (_LANES * len(threads))) * len(threads)
-            self.width = -(-len(points) // batches)
-
-        def evaluate(k: int):
-            index = np.minimum(np.arange(k, k + self.width), len(points) - 1)
-            batch = jax.device_put(points[index], threads[k // self.width % len(threads)])
-            return tuple(map(np.asarray, _batch(asked, given, batch, self.gradients)))
-
-        with ThreadPoolExecutor(len(threads)) as pool:
-            found = list(pool.map(evaluate, range(0, len(points), self.width)))
-        values, gradients = (np.concatenate(part) for part in zip(*found, strict=True))
-        return Evaluation(values[: len(points)], gradients[: len(points)])

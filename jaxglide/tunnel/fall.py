@@ -29,8 +29,10 @@ from .._lib.types import Array, Float, Int, Integer, Scalar, Vec3
 from ..body.sections import Sections, discretise
 from ..flight.dynamics import POSITION, VELOCITY, Glider, check_glider
 from ..flight.ends import TURNS, Ground, Outcome
+from ..flight.lane import Pilot
 from ..flight.launch import Launch, launch_velocity, published_speed
-from ..flight.solve import settings_of, solve
+from ..flight.pool import Task
+from ..flight.solve import Posed, Settings, Solved, settings_of, solve
 from ..loads.inertia import over_nodes
 from .loads import (
     MOMENT_PHASES,
@@ -166,24 +168,17 @@ class _Fallen(eqx.Module):
     states: Float[Array, "S 4"]
 
 
-def _fall(glider, launch, angles, settings, interval, *, adjoint, phases) -> _Fallen:
-    """Translate until the ground, and on to the first record past it."""
-    sections = discretise(glider.body)
-    tunnel = Tunnel(glider, sections, angles, phases)
-    speed = published_speed(glider, sections) if launch.speed is None else launch.speed
+def _start(tunnel: Tunnel, launch: Launch) -> Float[Array, "6"]:
+    """Position and velocity at launch, in the plane."""
+    speed = launch.speed
+    if speed is None:
+        speed = published_speed(tunnel.glider, tunnel.sections)
     position = jnp.zeros(3).at[2].set(launch.height)
-    start = jnp.concatenate([position, _IN_PLANE * launch_velocity(launch, speed)])
-    solved = solve(
-        _translation,
-        start,
-        jnp.zeros(()),
-        tunnel,
-        settings,
-        adjoint,
-        turns=False,
-        longest=_MAX_STEP,
-        first=_FIRST_STEP,
-    )
+    return jnp.concatenate([position, _IN_PLANE * launch_velocity(launch, speed)])
+
+
+def _fallen(tunnel: Tunnel, solved: Solved, settings, interval, adjoint) -> _Fallen:
+    """What has come of a fall, with the first record past the ground."""
     time, state, times = solved.time, solved.state, settings.times
     past = jnp.floor(time / interval).astype(int) + 1
     beyond = _past(state, tunnel, past * interval - time, adjoint)
@@ -193,6 +188,18 @@ def _fall(glider, launch, angles, settings, interval, *, adjoint, phases) -> _Fa
     return _Fallen(solved.outcome, time, state[_PLANE], states[:, _PLANE])
 
 
+_STEPS = {"turns": False, "longest": _MAX_STEP, "first": _FIRST_STEP}
+
+
+def _fall(glider, launch, angles, settings, interval, *, adjoint, phases) -> _Fallen:
+    """Translate until the ground, and on to the first record past it."""
+    tunnel = Tunnel(glider, discretise(glider.body), angles, phases)
+    start = _start(tunnel, launch)
+    time = jnp.zeros_like(start[0])
+    solved = solve(_translation, start, time, tunnel, settings, adjoint, **_STEPS)
+    return _fallen(tunnel, solved, settings, interval, adjoint)
+
+
 _fall_either_mode = either_mode(_fall)
 
 
@@ -200,6 +207,29 @@ _fall_either_mode = either_mode(_fall)
 def _dropped(glider, launch, angles, settings, interval, phases) -> Fall:
     given = glider, launch, angles, settings, interval
     fallen = _fall_either_mode(*given, phases=phases)
+    return Fall(glider, launch, angles, interval=interval, **vars(fallen))
+
+
+FALLER = Pilot(_translation)
+"""How a lane of a pool falls with its attitude held."""
+
+
+def ready(glider: Glider, launch: Launch, **options) -> Task:
+    """A held glide as a task of a pool; options as in `fall`, none left out."""
+    phases = options.pop("phases", FORCE_PHASES)
+    launch, angles, settings, interval = _checked(glider, launch, phases=phases, **options)
+    tunnel = Tunnel(glider, discretise(glider.body), angles, phases)
+    start = _start(tunnel, launch)
+    posed = Posed.of(start, jnp.zeros_like(start[0]), settings, **_STEPS)
+    return Task(posed, tunnel, (glider, launch, angles, interval, phases))
+
+
+def landed(task: Task, solved: Solved) -> Fall:
+    """The held glide that has come of a task."""
+    glider, launch, angles, interval, phases = task.kept
+    tunnel = Tunnel(glider, discretise(glider.body), angles, phases)
+    settings, adjoint = task.posed.settings, diffrax.ForwardMode()
+    fallen = _fallen(tunnel, solved, settings, interval, adjoint)
     return Fall(glider, launch, angles, interval=interval, **vars(fallen))
 
 
@@ -251,6 +281,15 @@ def fall(
         >>> print(f"{held.time:.3f} s, {held.state[0]:.3f} m forward")
         0.713 s, 1.302 m forward
     """
+    given = {"interval": interval, "max_time": max_time, "rtol": rtol, "atol": atol}
+    checked = _checked(glider, launch, angles, phases, **given)
+    return _dropped(glider, *checked, phases)
+
+
+def _checked(
+    glider, launch, angles, phases, *, interval, max_time, rtol, atol
+) -> tuple[Launch, Vec3, Settings, Scalar]:
+    """Launch, angles, settings and interval of a held glide, checked; see `fall`."""
     launch = Launch(*PUBLISHED_LAUNCH) if launch is None else launch
     check_glider(glider)
     recheck(check_kind("launch", launch, Launch))
@@ -270,9 +309,7 @@ def fall(
         dense=False,
     )
     warn_float32(rtol, atol, angles.dtype)
-    return _dropped(
-        glider, launch, angles, settings, jnp.asarray(interval, angles.dtype), phases
-    )
+    return launch, angles, settings, jnp.asarray(interval, angles.dtype)
 
 
 def _in_space(state) -> tuple[Vec3, Vec3]:

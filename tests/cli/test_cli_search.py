@@ -49,7 +49,7 @@ def flown(monkeypatch):
                 slopes = np.stack([(v - values) / h for v in near], axis=-1)
                 return Evaluation(values, slopes)
 
-        monkeypatch.setattr("jaxglide.search.problem.Evaluator", Made)
+        monkeypatch.setattr("jaxglide.search.evaluator.Evaluator", Made)
         monkeypatch.setattr("jaxglide.search.optimum.Evaluator", Made)
         return asked
 

@@ -158,13 +158,13 @@ def test_lanes_are_busy(monkeypatch):
     """More than nine tenths of the lanes' steps are of a flight, where there are many."""
     turns, fly = [], batch.fly
 
-    def counted(program, values, lanes, devices, shared):
+    def counted(program, values, fleet, shared):
         before = program.turn._cache_size()
-        for found in fly(program, values, lanes, devices, shared):
-            turns.append((int(found[2].steps) * lanes, int(found[2].busy)))
+        for found in fly(program, values, fleet, shared):
+            turns.append((int(found[2].steps) * fleet.lanes, int(found[2].busy)))
             yield found
         # nothing is compiled twice: the first turn is the same program as the others
-        assert program.turn._cache_size() - before <= len(set(devices))
+        assert program.turn._cache_size() - before <= len(set(fleet.devices))
 
     monkeypatch.setattr(batch, "fly", counted)
     study = Study(

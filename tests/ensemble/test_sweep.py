@@ -25,7 +25,7 @@ from jaxglide.ensemble import batch
 from jaxglide.ensemble import cluster as on_cluster
 from jaxglide.ensemble import store as stores
 from jaxglide.ensemble import sweep as module
-from jaxglide.ensemble.batch import default_width, solve
+from jaxglide.ensemble.batch import solve, width_of
 from jaxglide.ensemble.layout import layout
 from jaxglide.ensemble.store import Store, StoreError, opened
 from jaxglide.ensemble.study import Study
@@ -657,7 +657,7 @@ def test_results_do_not_depend_on_the_batch_or_the_devices(study, plain):
 def test_lanes_by_default(count, width, monkeypatch):
     """Five flights or so a lane, on two cores."""
     monkeypatch.setattr(batch, "workers", lambda: jax.devices()[:1] * 2)
-    assert default_width(Study({"nu_theta": np.linspace(1, 1.5, count)})) == width
+    assert width_of(Study({"nu_theta": np.linspace(1, 1.5, count)})) == width
 
 
 def test_lanes_come_back_in_order_from_several_devices():

@@ -12,10 +12,11 @@ import pytest
 
 from jaxglide._lib.writing import BusyError, WriteError, alone
 from jaxglide.search import journal as _journal
+from jaxglide.search.evaluator import Evaluator, fingerprint
 from jaxglide.search.journal import Journal, keeping
 from jaxglide.search.objectives import landing_distance
 from jaxglide.search.optimum import optimise
-from jaxglide.search.problem import Evaluation, Evaluator, Problem, fingerprint
+from jaxglide.search.problem import Evaluation, Problem
 from made_searches import Made, problem_of
 
 ASKED = {"seed": 0, "rate": 0.1}
@@ -338,7 +339,8 @@ def test_what_is_computed_is_known_again_by_another_process(tmp_path):
 import jax
 jax.config.update("jax_enable_x64", True)
 from jaxglide.search.objectives import clearance, landing_distance, stability_margin
-from jaxglide.search.problem import Evaluator, Problem
+from jaxglide.search.evaluator import Evaluator
+from jaxglide.search.problem import Problem
 limits = [stability_margin.at_least(10, 10), clearance.at_least(1)]
 print(Evaluator(Problem(landing_distance, ("theta_m",), limits)).fingerprint())
 """

@@ -14,10 +14,11 @@ import xarray as xr
 
 from jaxglide import AbstractEnd, Case, Gait, Glider, Launch, Polar, Snake
 from jaxglide.search.ascent import Best
+from jaxglide.search.evaluator import Evaluator
 from jaxglide.search.objectives import Objective, landing_distance, stability_margin
 from jaxglide.search.optimum import Status, optimise, verify
 from jaxglide.search.polish import sample_uphill, summits
-from jaxglide.search.problem import Evaluation, Evaluator, Problem
+from jaxglide.search.problem import Evaluation, Problem
 from made_searches import FREE, Made, problem_of
 
 CONSTRAINED = problem_of(stability_margin.at_least(1.0))
@@ -537,11 +538,11 @@ def test_float32_is_said_once_by_a_search_and_by_what_it_is_made_of(monkeypatch)
 
     # without the checks of shapes, whose file would be the caller's
     search, check = inspect.unwrap(optimise), inspect.unwrap(verify)
-    problem = problem_of()
-    loose = Problem(landing_distance, FREE, rtol=1e-5, atol=1e-5)
-    monkeypatch.setattr("jaxglide.search.problem.ThreadPoolExecutor", interrupted)
+    monkeypatch.setattr("jaxglide.search.evaluator.fly_all", interrupted)
     with jax.enable_x64(False), warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("default")
+        problem = problem_of()
+        loose = Problem(landing_distance, FREE, rtol=1e-5, atol=1e-5)
         with pytest.raises(KeyboardInterrupt):
             search(problem)
         with pytest.raises(KeyboardInterrupt):

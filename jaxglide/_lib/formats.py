@@ -13,6 +13,7 @@ VERSION = 2
 TITLES = {
     "glide": "A glide of a flying snake or another body",
     "trajectory": "A piece of flight of a flying snake or another body",
+    "steady glide": "A steady glide of a flying snake or another body",
     "glides": "Glides of many cases, of a sweep",
     "shape space": "Glides of the published shape space",
     "steady glides": "Steady glides of many cases, and their stability",

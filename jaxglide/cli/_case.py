@@ -116,10 +116,25 @@ def add_tolerances(parser: argparse.ArgumentParser, default: float = TOLERANCE) 
     return group
 
 
-def add_glider(parser: argparse.ArgumentParser, held: float | None = None) -> None:
-    """Glider and launch; a glide held, from a speed [m/s], stays in a plane without heading."""
+def add_glider(
+    parser: argparse.ArgumentParser,
+    held: float | None = None,
+    *,
+    launched: bool = True,
+    usual: Mapping[str, str] | None = None,
+) -> None:
+    """Glider and launch; a glide held, from a speed [m/s], stays in a plane without heading.
+
+    Args:
+        parser: of the command.
+        held: the speed.
+        launched: whether there is a launch at all.
+        usual: as in `add_setup`.
+    """
     base = published_case()
     for title, names in _GROUPS.items():
+        if title == "launch" and not launched:
+            continue
         group = parser.add_argument_group(title)
         for name in names:
             if held is not None and name == "heading":
@@ -127,7 +142,7 @@ def add_glider(parser: argparse.ArgumentParser, held: float | None = None) -> No
             told = held if name == "speed" and held else _FOLLOWS.get(name)
             told = float(base.value(name)) if told is None else told
             add_number(group, name, base.parameter(name), told=told)
-    add_setup(parser, held=held is not None)
+    add_setup(parser, usual, held=held is not None or not launched)
 
 
 def numbers_of(args) -> dict[str, float]:
@@ -153,7 +168,13 @@ def _polar(text: str) -> str | Path:
 def add_setup(
     parser: argparse.ArgumentParser, usual: Mapping[str, str] | None = None, held: bool = False
 ) -> None:
-    """Polar, nodes, and parts other than the published snake's."""
+    """Polar, nodes, and parts other than the published snake's.
+
+    Args:
+        parser: of the command.
+        usual: defaults, by name.
+        held: whether only a uniform wind has a place, and no end.
+    """
     group = parser.add_argument_group("setup")
     usual, sets = usual or {}, get_args(NodeSet)
     polar, node_set = usual.get("polar", parts.POLARS[0]), usual.get("node_set", sets[0])
@@ -171,8 +192,9 @@ def add_setup(
 
 def _add_parts(parser: argparse.ArgumentParser, held: bool) -> None:
     """Parts; a held glide has no place for a wind that changes, and ends at the ground."""
-    axes = "X is to the right, Y forward, Z up; --turbulence may drift with a --wind"
-    group = parser.add_argument_group("parts", None if held else axes)
+    axes = "X is to the right, Y forward, Z up"
+    axes += "" if held else "; --turbulence may drift with a --wind"
+    group = parser.add_argument_group("parts", axes)
     text = (
         "a body by its table (.csv): position [m], chord [m], density [kg/m], point_mass [kg]"
     )

@@ -16,6 +16,7 @@ COMMANDS = {
     },
     "balance": {
         "windtunnel": "hold the attitude, let the snake fall, read the moments",
+        "steady": "where a gait settles, and whether it stays there",
         "trim": "find the bend, or another gait parameter, without pitch moment",
     },
     "improve": {

@@ -19,7 +19,8 @@ def add(new) -> None:
     output.add_argument("--out", metavar="FILE", type=Path, help=text)
     add_force(output)
     group = plot.add_argument_group("what to draw", "By default the figure that shows it all.")
-    text = "variable to draw; of a glide also waves, theta, psi, body, bends and forces"
+    text = "variable to draw; of a glide also waves, theta, psi, body, bends and forces, of a "
+    text += "steady glide also spectrum"
     group.add_argument("--variable", metavar="NAME", help=text)
     group.add_argument("--x", metavar="NAME", help="dimension across")
     group.add_argument("--y", metavar="NAME", help="dimension up")

@@ -13,17 +13,30 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..flight.trajectory import AbstractTrajectory
+    from ..steady import SteadyGlide
     from .glides import glide_dataset
     from .logs import log_dataset
     from .restore import flight_of
     from .saved import open_dataset
+    from .steady import steady_dataset, steady_of
 
-__all__ = ["flight_of", "glide_dataset", "log_dataset", "open", "open_dataset", "save"]
+__all__ = [
+    "flight_of",
+    "glide_dataset",
+    "log_dataset",
+    "open",
+    "open_dataset",
+    "save",
+    "steady_dataset",
+    "steady_of",
+]
 _WHERE = {
     "flight_of": "restore",
     "glide_dataset": "glides",
     "log_dataset": "logs",
     "open_dataset": "saved",
+    "steady_dataset": "steady",
+    "steady_of": "steady",
 }
 
 
@@ -43,10 +56,11 @@ def open(path: str | Path) -> Any:
 
     Returns:
         A saved glide as a `Glide`, a piece of flight as a `Trajectory`; between its saved
-        times it is interpolated linearly. A study file as a `Study`. Every other result as
-        the Dataset that it was; of a store that is partly filled, cases that were not
-        computed have outcome -1 and NaN everywhere else. A flight with a part of the user's
-        own, whose class no file holds, comes back as a Dataset, and a warning says so.
+        times it is interpolated linearly. A `SteadyGlide`, or a tuple of them, to the bit. A
+        study file as a `Study`. Every other result as the Dataset that it was; of a store
+        that is partly filled, cases that were not computed have outcome -1 and NaN everywhere
+        else. A flight with a part of the user's own, whose class no file holds, comes back
+        as a Dataset, and a warning says so.
 
     Raises:
         FileNotFoundError: there is nothing of that name.
@@ -76,23 +90,29 @@ def open(path: str | Path) -> Any:
     from .._lib.records import OwnPartError
     from .restore import flight_of
     from .saved import open_dataset
+    from .steady import steady_of
 
     data = open_dataset(path)
-    if kind_of(data) not in ("glide", "trajectory"):
+    made = {"glide": flight_of, "trajectory": flight_of, "steady glide": steady_of}
+    make = made.get(kind_of(data) or "")
+    if make is None:
         return data
     try:
-        return flight_of(data)
+        return make(data)
     except OwnPartError as error:
         warnings.warn(f"{error}: this is its Dataset", stacklevel=2)
         return data
 
 
-def save(result: "xr.Dataset | AbstractTrajectory", path: str | Path) -> Path:
+def save(
+    result: "xr.Dataset | AbstractTrajectory | SteadyGlide | tuple[SteadyGlide, ...]",
+    path: str | Path,
+) -> Path:
     """Write a result as a NetCDF file, for `open`.
 
     Args:
-        result: a glide or trajectory that kept its path (`dense=True`), or the Dataset of
-            any other result.
+        result: a glide or trajectory that kept its path (`dense=True`), a `SteadyGlide` or
+            the tuple that `steady_glides` gives, or the Dataset of any other result.
         path: the file (.nc).
 
     Returns:
@@ -100,8 +120,8 @@ def save(result: "xr.Dataset | AbstractTrajectory", path: str | Path) -> Path:
 
     Raises:
         TypeError: it is another thing.
-        ValueError: a flight kept no trajectory or is a batch, a Dataset says no format, or
-            the name does not end in .nc.
+        ValueError: a flight kept no trajectory or is a batch, steady glides are of different
+            gliders, a Dataset says no format, or the name does not end in .nc.
         OSError: the file cannot be written.
 
     Examples:
@@ -116,13 +136,17 @@ def save(result: "xr.Dataset | AbstractTrajectory", path: str | Path) -> Path:
     from .._lib.formats import kind_of
     from .._lib.writing import write_netcdf
     from ..flight.trajectory import AbstractTrajectory
+    from ..steady import SteadyGlide
     from .glides import glide_dataset
+    from .steady import steady_dataset
 
     path = Path(path)
     if path.suffix != ".nc":
         raise ValueError(f"path = {str(path)!r}: the name must end in .nc")
     if isinstance(result, AbstractTrajectory):
         result = glide_dataset(result)
+    elif isinstance(result, SteadyGlide | tuple):
+        result = steady_dataset(result)
     if not isinstance(result, xr.Dataset):
         raise TypeError(f"result = {type(result).__name__} is no flight and no Dataset")
     if kind_of(result) is None:

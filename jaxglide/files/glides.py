@@ -73,7 +73,7 @@ def glide_dataset(flown: AbstractTrajectory, frames: int = 201) -> xr.Dataset:
         "turn": list(TURNS),
     }
     coordinates |= _nodes(discretise(flown.glider.body))
-    coordinates |= _parameters(flown, {*variables, *coordinates})
+    coordinates |= _settings(flown, {*variables, *coordinates})
     kind = "glide" if isinstance(flown, Glide) else "trajectory"
     return stamp(xr.Dataset(variables, coords=coordinates), _attributes(flown), kind)
 
@@ -192,13 +192,27 @@ def _nodes(sections: Sections) -> dict[str, Any]:
     return {n: ("node", np.asarray(v), labelled(u, said)) for n, (v, u, said) in rows.items()}
 
 
-def _parameters(flown: AbstractTrajectory, taken: set[str]) -> dict[str, Any]:
-    """Every single number with a name that went in, as a coordinate, in people's units."""
+def _settings(flown: AbstractTrajectory, taken: set[str]) -> dict[str, Any]:
+    """Every single number with a name that went in, as a coordinate."""
     more = (flown.launch,) if isinstance(flown, Glide) else ()
     case = Case(flown.glider, *more, ends=flown.settings.ends)
+    found = parameters_of(case, taken, launched=bool(more))
+    limit = labelled("s", "longest flight" if more else "time up to which it was to fly")
+    found["max_time"] = ((), np.asarray(flown.settings.max_time, float), limit)
+    return found
+
+
+def parameters_of(case: Case, taken: set[str], launched: bool) -> dict[str, Any]:
+    """Every single number of a case as a coordinate, in people's units.
+
+    Args:
+        case: what flew.
+        taken: names that others have.
+        launched: whether those of its launch count.
+    """
     found = {}
     for path, known in case.parameters.items():
-        if not more and path.startswith("launch."):
+        if not launched and path.startswith("launch."):
             continue
         value = case.value(path)
         if value is None or np.ndim(value):
@@ -207,16 +221,13 @@ def _parameters(flown: AbstractTrajectory, taken: set[str]) -> dict[str, Any]:
         name = path if name in taken or "." in name else name
         name = name.replace("[", "_").replace("]", "").replace(".", "_")
         found[name] = ((), np.asarray(value, float), labelled(known.unit, known.meaning))
-    settings = flown.settings
-    limit = labelled("s", "longest flight" if more else "time up to which it was to fly")
-    found["max_time"] = ((), np.asarray(settings.max_time, float), limit)
     return found
 
 
 def _attributes(flown: AbstractTrajectory) -> dict[str, Any]:
     """How it ended and was solved, the classes of what flew, and all of that as records."""
-    glider, settings = flown.glider, flown.settings
-    parts: dict[str, Any] = {"glider": glider}
+    settings = flown.settings
+    parts: dict[str, Any] = {"glider": flown.glider}
     if isinstance(flown, Glide):
         parts["launch"] = flown.launch
     return {
@@ -224,17 +235,19 @@ def _attributes(flown: AbstractTrajectory) -> dict[str, Any]:
         "outcome_code": int(flown.outcome),
         "accepted": int(flown.accepted),
         "rejected": int(flown.rejected),
-        **{
-            name: type(getattr(glider, name)).__name__
-            for name in ("body", "gait", "aerodynamics", "air")
-        },
-        **_polar(glider),
+        **classes_of(flown.glider),
         "ends": ", ".join(type(end).__name__ for end in settings.ends),
         "solver": type(settings.solver).__name__,
         "rtol": float(settings.rtol),
         "atol": float(settings.atol),
         "parts": to_text({**parts, "settings": settings}),
     }
+
+
+def classes_of(glider: Glider) -> dict[str, str]:
+    """Classes of a glider's parts, and the name of its polar."""
+    names = "body", "gait", "aerodynamics", "air"
+    return {name: type(getattr(glider, name)).__name__ for name in names} | _polar(glider)
 
 
 def _polar(glider: Glider) -> dict[str, str]:

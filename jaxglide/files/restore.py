@@ -57,20 +57,27 @@ def flight_of(data: xr.Dataset) -> AbstractTrajectory:
         ValueError: the dataset lacks a variable or an attribute, or holds a wrong one; one
             sentence names it.
     """
-    return _or_refuse(lambda: _flight(data), data)
+    return or_refuse(lambda: _flight(data), data, "flight")
 
 
-def _or_refuse(make: Callable[[], _Made], data: xr.Dataset) -> _Made:
+def or_refuse(make: Callable[[], _Made], data: xr.Dataset, what: str) -> _Made:
+    """What is made of a dataset; where that fails, an error in one sentence names its file.
+
+    Args:
+        make: from nothing to the result.
+        data: of which it is made.
+        what: it should be, in words.
+    """
     source = str(data.encoding.get("source", "the dataset"))
     try:
         return make()
     except OwnPartError as error:
         raise OwnPartError(f"{source}: {error}") from None
     except KeyError as error:
-        raise ValueError(f"{source}: this is not a whole flight: it lacks {error}") from None
+        raise ValueError(f"{source}: this is not a whole {what}: it lacks {error}") from None
     except (TypeError, ValueError) as error:
         said = str(error).removeprefix(f"{source}: ")
-        raise ValueError(f"{source}: this is not a whole flight: {said}") from None
+        raise ValueError(f"{source}: this is not a whole {what}: {said}") from None
 
 
 def _flight(data: xr.Dataset) -> AbstractTrajectory:
@@ -79,7 +86,7 @@ def _flight(data: xr.Dataset) -> AbstractTrajectory:
         what = "says no format" if kind is None else f"is of the kind {kind!r}"
         raise ValueError(f"it {what}")
     parts = from_text(str(data.attrs["parts"]))
-    glider, settings = _part(parts, "glider", Glider), _part(parts, "settings", Settings)
+    glider, settings = part_of(parts, "glider", Glider), part_of(parts, "settings", Settings)
     more = _GLIDE if kind == "glide" else {}
     more = more | {n: Variable(("time", d), "") for n, d in _OWN.items() if n in data}
     data = checked(data, _FLIGHT._replace(variables={**_FLIGHT.variables, **more}))
@@ -102,10 +109,11 @@ def _flight(data: xr.Dataset) -> AbstractTrajectory:
         return Trajectory(phase=phase, start_time=begin, start=start, **flown)
     angles, speed = (jnp.asarray(data[name].values) for name in _GLIDE)
     take_off = TakeOff(phase, angles, speed, start)
-    return Glide(launch=_part(parts, "launch", Launch), take_off=take_off, **flown)
+    return Glide(launch=part_of(parts, "launch", Launch), take_off=take_off, **flown)
 
 
-def _part(parts: dict[str, Any], name: str, kind: type[_Made]) -> _Made:
+def part_of(parts: dict[str, Any], name: str, kind: type[_Made]) -> _Made:
+    """A part by its name, which must be of a kind."""
     found = parts[name]
     if not isinstance(found, kind):
         raise ValueError(f"its {name} is no {kind.__name__} but {type(found).__name__}")

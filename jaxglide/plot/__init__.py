@@ -13,13 +13,16 @@ from .coefficients import force_coefficients, glide_polar_figure, morphology
 from .compare import before_and_after
 from .flights import distances, every_flight, measured_and_simulated
 from .forces import along_body, along_body_lines, along_body_map, forces
-from .glide import angles, glide_overview, side_view, top_view
+from .glide import angles, side_view, speeds, top_view
 from .heatmap import case_scatter, curve, heatmap
 from .measured import measured_bending, measured_gaits
 from .moments import moment_ratio, moments_in_time
 from .optimise import convergence, paths, sensitivity_map
+from .overview import glide_overview
 from .saved import Drawing, draw
 from .shapes import region_outlines, shape_heatmaps
+from .spectrum import spectrum
+from .steady import steady
 from .trim import trim_curve
 from .waves import bending_waves, wave_map, wave_maps
 from .windtunnel import (
@@ -67,7 +70,10 @@ __all__ = [
     "sensitivity_map",
     "shape_heatmaps",
     "side_view",
+    "spectrum",
+    "speeds",
     "stable_atlas",
+    "steady",
     "style",
     "top_view",
     "trim_curve",

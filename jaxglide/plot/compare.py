@@ -17,13 +17,13 @@ from ._labels import axis_label, plain
 from ._style import FAINT, INK, PITCH, new_figure, style
 from .glide import (
     _LANDED,
-    _LAUNCH,
     _STOPPED,
-    _check_drawable,
-    _end_mark,
+    START_MARK,
     _path,
     angle_limit,
     bodies_at,
+    check_drawable,
+    end_mark,
     ground_of,
 )
 
@@ -53,7 +53,7 @@ def before_and_after(
     """
     glides, names = (before, after), (plain(names[0]), plain(names[1]))
     for glide in glides:
-        _check_drawable(glide)
+        check_drawable(glide)
     figure = new_figure(width=_PAGE, height=100.0)
     figure.set_layout_engine("constrained")
     left, middle, right = figure.subfigures(1, 3, width_ratios=(1.1, 1.0, 1.0))  # type: ignore
@@ -88,7 +88,7 @@ def _keys(glides, names) -> list[Line2D]:
     for glide, colour, name in zip(glides, _PAIR, names, strict=True):
         distance = float(glide.landing_point[1])
         keys.append(Line2D([], [], color=colour, label=f"{name}, {distance:.2f} m"))
-    keys.append(Line2D([], [], color=INK, label="launch", **_LAUNCH))
+    keys.append(Line2D([], [], color=INK, label="launch", **START_MARK))
     if any(glide.outcome == Outcome.LANDED for glide in glides):
         keys.append(Line2D([], [], color=INK, label="landing", **_LANDED))
     if any(glide.outcome != Outcome.LANDED for glide in glides):
@@ -111,7 +111,7 @@ def _draw_side(ax: Axes, glide: Glide, there: np.ndarray, colour, name: str) -> 
     shapes = list(there[:, 1:].transpose(0, 2, 1))
     drawn = {"colors": colour, "linewidths": 0.9, "zorder": 4, "label": f"body, {name}"}
     ax.add_collection(LineCollection(shapes, **drawn), autolim=False)
-    for row, mark in ((0, _LAUNCH), (-1, _end_mark(glide))):
+    for row, mark in ((0, START_MARK), (-1, end_mark(glide))):
         ax.plot(*path[row, 1:], color=INK if row == 0 else colour, zorder=5, **mark)
     reach = np.concatenate([there[:, 1:].transpose(0, 2, 1).reshape(-1, 2), [[0.0, 0.0]]])
     ax.update_datalim(reach)
@@ -123,7 +123,7 @@ def _draw_turns(axes: list[Axes], glide: Glide, colour, name: str) -> None:
     degrees = np.rad2deg(states[:, ANGLES])
     for ax, curve in zip(axes, degrees.T, strict=True):
         ax.plot(times, curve, color=colour, lw=1.0, label=name)
-        ax.plot(times[-1], curve[-1], color=colour, clip_on=False, **_end_mark(glide))
+        ax.plot(times[-1], curve[-1], color=colour, clip_on=False, **end_mark(glide))
 
 
 def _bound(ax: Axes, limit: float) -> None:

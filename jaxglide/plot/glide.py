@@ -1,23 +1,21 @@
-"""Pictures of one glide: where it went, how the body moved, how it was oriented."""
+"""Views of one glide, and its angles and speeds in time."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from .._lib.checks import check_integer, check_range
 from ..body.sections import discretise, surface_nodes
-from ..flight.dynamics import ANGLES, POSITION
+from ..flight.dynamics import ANGLES, POSITION, VELOCITY
 from ..flight.ends import AngleLimit, Ground, Outcome
+from ..flight.glide import Glide
 from ..flight.trajectory import AbstractTrajectory, reconstruct
 from ._labels import axis_label
 from ._style import (
     BODY,
-    COLUMN_WIDTH,
     FAINT,
     HEAD,
     INK,
@@ -25,8 +23,6 @@ from ._style import (
     ROLL,
     YAW,
     new_axes,
-    new_figure,
-    place,
     style,
 )
 
@@ -34,13 +30,13 @@ Frames = int | Sequence[float] | np.ndarray
 
 _SAMPLES = 400  # points of a path or a curve
 _NEAR_LIMIT = 60.0  # deg; beyond this the limit of an angle is drawn
-_HEAD = {"ls": "", "marker": "o", "ms": 1.7, "mew": 0.0, "color": HEAD}
-_LAUNCH = {"ls": "", "marker": "o", "ms": 2.6, "mew": 0.6, "mfc": "white"}
+HEAD_MARK = {"ls": "", "marker": "o", "ms": 1.7, "mew": 0.0, "color": HEAD}
+START_MARK = {"ls": "", "marker": "o", "ms": 2.6, "mew": 0.6, "mfc": "white"}
 _LANDED = {"ls": "", "marker": "s", "ms": 2.6, "mew": 0.0}
 _STOPPED = {"ls": "", "marker": "X", "ms": 3.6, "mew": 0.0}
 
 
-def _check_drawable(glide: AbstractTrajectory) -> None:
+def check_drawable(glide: AbstractTrajectory) -> None:
     """Refuse what has no picture; `Glide.at` refuses a glide without a trajectory."""
     if glide.time.ndim:
         raise ValueError(
@@ -84,7 +80,7 @@ def bodies_at(glide: AbstractTrajectory, times: np.ndarray) -> tuple[np.ndarray,
     return own, np.einsum("fji,fjn->fin", np.asarray(now.R_BI), own) + centre
 
 
-def _widened(limits: tuple[float, float], least: float) -> tuple[float, float]:
+def widened(limits: tuple[float, float], least: float) -> tuple[float, float]:
     """The limits, moved to be at least `least` apart."""
     more = max(0.0, least - (limits[1] - limits[0])) / 2
     return limits[0] - more, limits[1] + more
@@ -92,14 +88,25 @@ def _widened(limits: tuple[float, float], least: float) -> tuple[float, float]:
 
 def _limits(values: np.ndarray, pad: float, least: float) -> tuple[float, float]:
     """Limits around values, with a margin, at least `least` apart."""
-    return _widened((float(values.min()) - pad, float(values.max()) + pad), least)
+    return widened((float(values.min()) - pad, float(values.max()) + pad), least)
 
 
-def _end_mark(glide: AbstractTrajectory) -> dict:
-    return _LANDED if glide.outcome == Outcome.LANDED else _STOPPED
+def _whole(glide: AbstractTrajectory) -> bool:
+    """Whether it is a piece of flight that was to be no longer."""
+    return not isinstance(glide, Glide) and glide.outcome == Outcome.OUT_OF_TIME
 
 
-def _end_word(glide: AbstractTrajectory) -> str:
+def start_word(glide: AbstractTrajectory) -> str:
+    return "launch" if isinstance(glide, Glide) else "start"
+
+
+def end_mark(glide: AbstractTrajectory) -> dict:
+    return _LANDED if glide.outcome == Outcome.LANDED or _whole(glide) else _STOPPED
+
+
+def end_word(glide: AbstractTrajectory) -> str:
+    if _whole(glide):
+        return "end"
     return "landing" if glide.outcome == Outcome.LANDED else "end of the glide"
 
 
@@ -120,8 +127,9 @@ def _view(
         autolim=False,
     )
     heads = bodies[:, :, 0]
-    ax.plot(heads[:, across], heads[:, up], zorder=4, label="head", **_HEAD)
-    for row, mark, label in ((0, _LAUNCH, "launch"), (-1, _end_mark(glide), _end_word(glide))):
+    ax.plot(heads[:, across], heads[:, up], zorder=4, label="head", **HEAD_MARK)
+    ends = (0, START_MARK, start_word(glide)), (-1, end_mark(glide), end_word(glide))
+    for row, mark, label in ends:
         ax.plot(path[row, across], path[row, up], color=INK, zorder=5, label=label, **mark)
     drawn = np.concatenate([path, *bodies.transpose(0, 2, 1)])
     length = float(discretise(glide.glider.body).length)
@@ -151,7 +159,7 @@ def side_view(glide: AbstractTrajectory, ax: Axes | None = None, *, frames: Fram
         ValueError: the glide kept no trajectory, is a batch or is not finite, or a frame
             is out of range.
     """
-    _check_drawable(glide)
+    check_drawable(glide)
     ax = new_axes(height=130.0) if ax is None else ax
     ground = ground_of(glide)
     _view(glide, ax, frames, across=1, up=2, ground=ground)
@@ -178,7 +186,7 @@ def top_view(glide: AbstractTrajectory, ax: Axes | None = None, *, frames: Frame
     Raises:
         ValueError: as `side_view`.
     """
-    _check_drawable(glide)
+    check_drawable(glide)
     ax = new_axes(height=130.0) if ax is None else ax
     _view(glide, ax, frames, across=0, up=1, ground=None)
     ax.set_xlabel(axis_label("x"))
@@ -244,122 +252,59 @@ def angles(glide: AbstractTrajectory, ax: Axes | None = None) -> Axes:
     Raises:
         ValueError: the glide kept no trajectory, is a batch or is not finite.
     """
-    _check_drawable(glide)
+    check_drawable(glide)
     ax = new_axes(height=50.0) if ax is None else ax
     times, states = _path(glide)
     degrees = np.rad2deg(states[:, ANGLES])
     ax.axhline(0.0, color="0.85", lw=0.6, zorder=0)
-    shown = np.append(
-        degrees.ravel(), [0.0, *_draw_limits(ax, times[0], degrees, angle_limit(glide))]
-    )
-    low, high = _limits(shown, 0.06 * float(np.ptp(shown)), 20.0)
-    heights = _spread(list(degrees[-1]), 0.11 * (high - low))
-    colours = {"yaw": YAW, "pitch": PITCH, "roll": ROLL}
-    for column, (name, colour) in enumerate(colours.items()):
-        curve = degrees[:, column]
-        ax.plot(times, curve, color=colour, label=name)
-        for row, mark in ((0, _LAUNCH), (-1, _end_mark(glide))):
-            ax.plot(times[row], curve[row], color=colour, clip_on=False, **mark)
-        end = times[-1], heights[column]
-        offset = {"xytext": (5, 0), "textcoords": "offset points", "annotation_clip": False}
-        ax.annotate(name, end, color=colour, va="center", **offset)
-    ax.set_xlim(times[0], max(times[-1], times[0] + 1e-6))
-    ax.set_ylim(low, high)
-    step = next(step for step in (5, 10, 30) if high - low < 6 * step or step == 30)
+    limits = _draw_limits(ax, times[0], degrees, angle_limit(glide))
+    curves = dict(zip(("yaw", "pitch", "roll"), degrees.T, strict=True))
+    low, high = _curves(ax, glide, times, curves, [0.0, *limits], 20.0)
+    step = next(step for step in (5, 10, 20, 30) if high - low < 6 * step or step == 30)
     ax.yaxis.set_major_locator(MultipleLocator(step))
-    ax.set_xlabel("time, t (s)")
     ax.set_ylabel("angle (°)")
     return ax
 
 
-# Margins of the overview and height of its lowest axes [mm].
-_LEFT, _BETWEEN, _RIGHT, _TITLE, _LABEL, _ANGLES = 12.0, 12.5, 2.5, 8.0, 9.0, 32.0
-_LEAST, _TALLEST = 15.0, 100.0  # of the views [mm]
-_LEGEND_COLUMN, _LEGEND_ROW = 23.0, 5.0  # heights of the legend [mm]
-
-
-def _legend(figure: Figure, glide: AbstractTrajectory, **where) -> None:
-    """What the lines and marks of both views mean."""
-    handles = [
-        Line2D([], [], color=FAINT, lw=0.7, label="centre of mass"),
-        Line2D([], [], color=BODY, lw=0.8, label="body"),
-        Line2D([], [], label="head", **_HEAD),
-        Line2D([], [], color=INK, label="launch", **_LAUNCH),
-        Line2D([], [], color=INK, label=_end_word(glide), **_end_mark(glide)),
-    ]
-    lengths = {"handlelength": 1.2, "handletextpad": 0.4, "columnspacing": 1.2}
-    figure.legend(handles=handles, borderaxespad=0, borderpad=0, **lengths, **where)
-
-
-def _lay_out(
-    figure: Figure, glide: AbstractTrajectory, side: Axes, top: Axes, lower: Axes
-) -> None:
-    """Both views at one scale next to each other, the angles below them, and the legend."""
-    (forward, high), (across, along) = (
-        (float(np.ptp(ax.get_xlim())), float(np.ptp(ax.get_ylim()))) for ax in (side, top)
-    )
-    width = COLUMN_WIDTH - _LEFT - _BETWEEN - _RIGHT  # of both views together
-    scale = min(  # mm/m
-        width / (forward + across),
-        (width - _LEAST) / max(forward, across),
-        _TALLEST / max(high, along),
-    )
-    # Room that is left goes to the top view.
-    forward, along = max(forward, _LEAST / scale), max(along, _LEAST / scale)
-    across = width / scale - forward
-    side.set_xlim(_widened(side.get_xlim(), forward))
-    top.set_xlim(_widened(top.get_xlim(), across))
-    top.set_ylim(_widened(top.get_ylim(), along))
-    tall, base = scale * max(high, along), 2 * _LABEL + _ANGLES + 2.0
-    # The legend goes below the top view if there is room, else between title and views.
-    below = scale * (high - along) > _LABEL + _LEGEND_COLUMN
-    height = base + tall + (0.0 if below else _LEGEND_ROW) + _TITLE
-    figure.set_size_inches(COLUMN_WIDTH / 25.4, height / 25.4)
-    place(figure, side, _LEFT, base + tall - scale * high, scale * forward, scale * high)
-    left = _LEFT + scale * forward + _BETWEEN
-    place(figure, top, left, base + tall - scale * along, scale * across, scale * along)
-    place(figure, lower, _LEFT, _LABEL, COLUMN_WIDTH - _LEFT - 11.0, _ANGLES)
-    for ax in (side, lower):  # their labels one below the other
-        ax.yaxis.set_label_coords(-7.4 / (ax.get_position().width * COLUMN_WIDTH), 0.5)
-    if below:
-        corner = (1 - _RIGHT / COLUMN_WIDTH, base / height)
-        _legend(figure, glide, loc="lower right", bbox_to_anchor=corner)
-    else:
-        above = (0.5, 1 - 7.0 / height)
-        _legend(figure, glide, loc="upper center", bbox_to_anchor=above, ncols=5)
-
-
 @style()
-def glide_overview(glide: AbstractTrajectory, frames: Frames = 9) -> Figure:
-    """A glide on one page: from the side, from above, and its angles against time.
-
-    Both views have the same scale, and the body in them too. The title says how the glide
-    ended, when, and after how much horizontal path.
+def speeds(glide: AbstractTrajectory, ax: Axes | None = None) -> Axes:
+    """Speed over the ground against time, and its parts: forward, horizontally, and sinking.
 
     Args:
         glide: one glide, simulated with `dense=True`.
-        frames: snapshots of the body, as in `side_view`.
+        ax: axes to draw on; by default new ones, alone in a figure (`ax.figure`).
 
     Returns:
-        A figure of one column's width (90 mm) with three axes: side view, top view, angles.
+        The axes: time [s] across, speeds [m/s] up.
 
     Raises:
-        ValueError: as `side_view`.
+        ValueError: as `angles`.
     """
-    _check_drawable(glide)
-    figure = new_figure()
-    side, top, lower = (
-        figure.add_axes((0, 0, 1, 1), label=name) for name in ("side", "top", "angles")
-    )
-    side_view(glide, side, frames=frames)
-    top_view(glide, top, frames=frames)
-    angles(glide, lower)
-    _lay_out(figure, glide, side, top, lower)
-    figure.suptitle(
-        f"{glide.ending.capitalize()} after {float(glide.time):.2f} s, "
-        f"path length {float(glide.path_length):.2f} m",
-        y=1 - 2.0 / (25.4 * figure.get_size_inches()[1]),
-        va="top",
-        fontsize=7.5,
-    )
-    return figure
+    check_drawable(glide)
+    ax = new_axes(height=50.0) if ax is None else ax
+    times, states = _path(glide)
+    x, y, z = states[:, VELOCITY].T
+    curves = {"speed": np.sqrt(x**2 + y**2 + z**2), "forward": np.hypot(x, y), "sinking": -z}
+    _curves(ax, glide, times, curves, [], 0.5)
+    ax.set_ylabel("speed (m/s)")
+    return ax
+
+
+def _curves(
+    ax: Axes, glide: AbstractTrajectory, times, curves: dict, also: list[float], least: float
+) -> tuple[float, float]:
+    """Three curves against time, named at their ends; the axes' limits, which hold `also`."""
+    shown = np.append(np.concatenate(list(curves.values())), also)
+    low, high = _limits(shown, 0.06 * float(np.ptp(shown)), least)
+    heights = _spread([curve[-1] for curve in curves.values()], 0.11 * (high - low))
+    colours = YAW, PITCH, ROLL
+    for (name, curve), colour, height in zip(curves.items(), colours, heights, strict=True):
+        ax.plot(times, curve, color=colour, label=name)
+        for row, mark in ((0, START_MARK), (-1, end_mark(glide))):
+            ax.plot(times[row], curve[row], color=colour, clip_on=False, **mark)
+        offset = {"xytext": (5, 0), "textcoords": "offset points", "annotation_clip": False}
+        ax.annotate(name, (times[-1], height), color=colour, va="center", **offset)
+    ax.set_xlim(times[0], max(times[-1], times[0] + 1e-6))
+    ax.set_ylim(low, high)
+    ax.set_xlabel("time, t (s)")
+    return low, high

@@ -12,19 +12,24 @@ from .._lib.datasets import checked
 from .._lib.formats import kind_of
 from ..files.glides import glide_dataset
 from ..files.restore import flight_of
+from ..files.steady import steady_dataset, steady_of
 from ..flight.trajectory import AbstractTrajectory
+from ..steady import SteadyGlide
 from ._schemas import COMPARED, MEASURED
 from .atlas import stable_atlas
 from .bending import bending_grid
 from .body import bent_bodies, body_shape
 from .flights import measured_and_simulated
 from .forces import along_body_map, forces
-from .glide import angles, glide_overview, side_view
+from .glide import angles, side_view
 from .heatmap import case_scatter, curve, heatmap, numeric, selected, variable_of, varied
 from .measured import measured_gaits
 from .moments import moments_in_time
 from .optimise import convergence, paths
+from .overview import glide_overview
 from .shapes import shape_heatmaps
+from .spectrum import spectrum
+from .steady import steady
 from .waves import wave_map, wave_maps
 from .windtunnel import moment_by_bend
 
@@ -51,7 +56,7 @@ class Wanted(NamedTuple):
 
 
 def draw(
-    data: xr.Dataset | AbstractTrajectory,
+    data: xr.Dataset | AbstractTrajectory | SteadyGlide | tuple[SteadyGlide, ...],
     variable: str | None = None,
     *,
     x: str | None = None,
@@ -76,9 +81,12 @@ def draw(
     wanted = Wanted(variable, x, y, dict(at or {}))
     if isinstance(data, AbstractTrajectory):
         data = glide_dataset(data)
+    elif isinstance(data, SteadyGlide | tuple):
+        data = steady_dataset(data)
     draw_kind = {
         "glide": _glide,
         "trajectory": _glide,
+        "steady glide": _steady,
         "optimisation": _optimisation,
         "held glides": _held,
         "measured flights": _measured,
@@ -109,6 +117,16 @@ def _glide(data: xr.Dataset, wanted: Wanted) -> Drawing:
     if name in data and set(data[name].dims) == {"time", "node"}:
         return _alone(along_body_map(data, name), f"{name} over time and body")
     return _variable(data, wanted)
+
+
+def _steady(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    if wanted.variable not in (None, "spectrum") or wanted.x or wanted.y or wanted.at:
+        return _variable(data, wanted)
+    found = steady_of(data)
+    if wanted.variable == "spectrum":
+        return _alone(spectrum(found), "multipliers and the unit circle")
+    one = found[0] if isinstance(found, tuple) else found
+    return Drawing(steady(one), "two cycles of the steady glide")
 
 
 _SHAPES = ("theta", "psi", "waves", "body", "bends")

@@ -16,9 +16,9 @@ from PIL import Image
 
 from .._lib.checks import check_range
 from .._lib.writing import WriteError, replacing, write_bytes, write_figure
-from ..flight.glide import Glide
+from ..flight.trajectory import AbstractTrajectory
 from ._picture import Picture
-from .scene import scale_of, scenes_of, title_of
+from .scene import Flights, scale_of, scenes_of, title_of
 
 ANIMATIONS = (".gif", ".mp4")
 STILLS = (".png",)
@@ -43,7 +43,7 @@ def check_path(path: str | Path, allowed: Sequence[str] = ANIMATIONS) -> Path:
 
 
 def animate(
-    glides: Glide | Sequence[Glide],
+    glides: Flights,
     path: str | Path,
     *,
     labels: Sequence[str] | None = None,
@@ -55,7 +55,7 @@ def animate(
     """An animation of one glide or of several on one clock, 960 by 540 pixels.
 
     Args:
-        glides: a glide, or several, simulated with `dense=True`.
+        glides: as in `view`.
         path: the file to write, .gif or .mp4.
         labels: what to call the glides, one each.
         title: heading.
@@ -86,7 +86,7 @@ def animate(
 
 
 def still(
-    glides: Glide | Sequence[Glide],
+    glides: Flights,
     path: str | Path,
     *,
     time: float | None = None,
@@ -97,7 +97,7 @@ def still(
     """One picture of the same scene, 1920 by 1080 pixels.
 
     Args:
-        glides: a glide, or several, simulated with `dense=True`.
+        glides: as in `view`.
         path: the file to write, .png.
         time: in flight [s], to the nearest 1/240 s; by default 40 % of the longest glide.
         labels, title, force_scale: as in `animate`.
@@ -122,9 +122,10 @@ def still(
     return path
 
 
-def _check_length(glides: Glide | Sequence[Glide], rate: float) -> None:
-    several = [glides] if isinstance(glides, Glide) else list(glides)
-    longest = max((float(np.max(glide.time)) for glide in several), default=0.0)
+def _check_length(glides: Flights, rate: float) -> None:
+    several = [glides] if isinstance(glides, AbstractTrajectory) else list(glides)
+    spans = (glide.time - glide.start_time for glide in several)
+    longest = max((float(np.max(span)) for span in spans), default=0.0)
     if longest * rate > _MOST_FRAMES:
         raise ValueError(
             f"playback and frames_per_second make {longest * rate:.0f} pictures of this "

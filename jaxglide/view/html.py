@@ -19,9 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from .._lib.writing import write_text
-from ..flight.glide import Glide
 from . import _loft
-from .scene import COLOURS, Scene, scale_of, scenes_of, title_of
+from .scene import COLOURS, Flights, Scene, scale_of, scenes_of, title_of
 
 # In the order of their imports: each needs only those before it.
 _MODULES = (
@@ -79,7 +78,7 @@ class Page:
 
 
 def view(
-    glides: Glide | Sequence[Glide],
+    glides: Flights,
     path: str | Path | None = None,
     *,
     labels: Sequence[str] | None = None,
@@ -93,7 +92,8 @@ def view(
     can be hidden; yaw, pitch, roll and height run beside it. It needs no network.
 
     Args:
-        glides: a glide, or several, simulated with `dense=True`.
+        glides: a glide, or several, simulated with `dense=True`; or pieces of flight, such as
+            `SteadyGlide.fly` gives.
         path: where to write the file; by default nowhere.
         labels: what to call the glides, one each.
         title: heading of the page.

@@ -13,11 +13,15 @@ from ..body.sections import discretise, surface_nodes
 from ..body.snake import Snake
 from ..flight.dynamics import ANGLES, POSITION, VELOCITY, Flight, elements
 from ..flight.glide import Glide
+from ..flight.trajectory import AbstractTrajectory
 from . import _loft
 from ._loft import Stations
 
 COLOURS = ("#1f3a5f", "#d55e00", "#8e3b8e", "#00795a", "#b8002e", "#5b5b5b")
 """Of several glides: legible to every kind of colour vision, and no colour of the body's."""
+
+Flights = AbstractTrajectory | Sequence[AbstractTrajectory]
+"""A flight, or several on one clock."""
 
 _CHUNK = 64  # frames a call: one compilation serves glides of any duration
 _MOST_FRAMES = 20_000
@@ -62,11 +66,12 @@ class Scene:
     drag: np.ndarray
 
     @classmethod
-    def of(cls, glide: Glide, label: str = "", rate: float = 60.0) -> "Scene":
+    def of(cls, glide: AbstractTrajectory, label: str = "", rate: float = 60.0) -> "Scene":
         """The scene of a glide.
 
         Args:
-            glide: one glide, simulated with `dense=True`.
+            glide: one glide, simulated with `dense=True`, or a piece of flight, whose clock
+                starts at 0.
             label: what to call it.
             rate: frames a second [1/s], up to 1000; the end of the glide is one more frame.
 
@@ -76,7 +81,8 @@ class Scene:
         """
         check_viewable(glide)
         body = glide.glider.body
-        sections, moving = _moving(glide, _times(float(glide.time), rate))
+        start = float(glide.start_time)
+        sections, moving = _moving(glide, start, _times(float(glide.time) - start, rate))
         nodes = surface_nodes(sections)
         return cls(
             label=as_text(label),
@@ -126,9 +132,9 @@ class Scene:
         return self.nodes[frame], self.chordwise[frame], self.dorsal[frame], self.step
 
 
-def check_viewable(glide: Glide) -> None:
+def check_viewable(glide: AbstractTrajectory) -> None:
     """Raise `ValueError` for what has no view."""
-    if not isinstance(glide, Glide):
+    if not isinstance(glide, AbstractTrajectory):
         raise TypeError(f"glides: {type(glide).__name__} is not a Glide")
     if glide.time.ndim:
         raise ValueError(f"glides: a batch of shape {glide.time.shape}; pass single glides")
@@ -136,7 +142,7 @@ def check_viewable(glide: Glide) -> None:
         raise ValueError("glides: a glide's state is not finite, there is nothing to show")
     if glide.interpolation is None:
         raise ValueError("glides: a glide kept no trajectory, simulate it with dense=True")
-    if not float(glide.time) > 0:
+    if not float(glide.time) > float(glide.start_time):
         raise ValueError("glides: a glide ended at its launch, there is nothing to show")
 
 
@@ -154,9 +160,10 @@ def _times(end: float, rate: float) -> np.ndarray:
     return np.append(times, end)
 
 
-def _moving(glide: Glide, times: np.ndarray):
-    """The body at its nodes, and the fields of a scene that change in time."""
-    padded = np.append(times, np.full(-len(times) % _CHUNK, times[-1]))
+def _moving(glide: AbstractTrajectory, start: float, times: np.ndarray):
+    """The body at its nodes, and the fields of a scene that change in time since a start."""
+    padded = np.append(times, np.full(-len(times) % _CHUNK, times[-1])) + start
+    padded = np.minimum(padded, float(glide.time))  # the sum may be a rounding later
     chunks = padded.astype(glide.time.dtype).reshape(-1, _CHUNK)
     computed = [_computed(glide, jnp.asarray(chunk)) for chunk in chunks]
     parts = [_fields(*instants) for instants in computed]
@@ -166,7 +173,7 @@ def _moving(glide: Glide, times: np.ndarray):
 
 
 @eqx.filter_jit
-def _computed(glide: Glide, times):
+def _computed(glide: AbstractTrajectory, times):
     """Sections, states and elements in one compilation, which the first view waits for."""
     sections = discretise(glide.glider.body)
     flight = Flight(glide.glider, sections, glide.phase)
@@ -207,14 +214,16 @@ def _fields(sections, states, R_BI, body, air_velocity, force, drag) -> dict[str
 
 
 def scenes_of(
-    glides: Glide | Sequence[Glide], labels: Sequence[str] | None, rate: float
+    glides: Flights,
+    labels: Sequence[str] | None,
+    rate: float,
 ) -> list[Scene]:
     """Scenes of one glide or of several, checked and named.
 
     Raises:
         ValueError: no glides, not one label a glide, or as `Scene.of`.
     """
-    several = [glides] if isinstance(glides, Glide) else list(glides)
+    several = [glides] if isinstance(glides, AbstractTrajectory) else list(glides)
     if not several:
         raise ValueError("glides is empty: pass a glide or several")
     for glide in several:
@@ -262,11 +271,18 @@ def as_text(text) -> str:
     return str(text).encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
-def title_of(glides: Glide | Sequence[Glide], title: str | None) -> str:
+def title_of(glides: Flights, title: str | None) -> str:
     """The title given, or one that says from where the glides start."""
     if title is not None:
         return as_text(title)
-    several = [glides] if isinstance(glides, Glide) else list(glides)
-    heights = sorted({f"{float(g.launch.height):g} m" for g in several})
+    several = [glides] if isinstance(glides, AbstractTrajectory) else list(glides)
+    heights = sorted({f"{_height(glide):g} m" for glide in several})
     words = "A glide" if len(several) == 1 else f"{len(several)} glides"
     return f"{words} from {' and '.join(heights)}"
+
+
+def _height(glide: AbstractTrajectory) -> float:
+    """From where it starts [m]."""
+    if isinstance(glide, Glide):
+        return float(glide.launch.height)
+    return round(float(glide.start[2]), 2)

@@ -49,9 +49,10 @@ def repeated(glide: SteadyGlide, cycles: int = 2) -> Trajectory:
         raise ValueError(f"there is no steady glide to draw: {glide.why}")
     one, period = np.asarray(glide.states), float(glide.period)
     last = one[-1]
-    turn, ahead = float(last[ANGLES.start]), float(np.arctan2(last[0], last[1]))
-    # the mean path starts half a turn to the right of the first cycle's chord
-    yaw, shift, parts = ahead + turn / 2, np.zeros(3), []
+    turn = float(last[ANGLES.start])
+    x, y = np.sign(np.sinc(turn / (2 * np.pi))) * last[:2]  # of the chord, ahead
+    # the mean path starts half a turn to the right of it
+    yaw, shift, parts = float(np.arctan2(x, y)) + turn / 2, np.zeros(3), []
     for k in range(cycles):
         parts.append(_moved(one, shift, yaw, k * float(last[PATH]))[k > 0 :])
         shift, yaw = parts[-1][-1, POSITION], yaw + turn

@@ -51,7 +51,7 @@ def test_commands_are_listed_by_purpose(capsys):
     assert list(sections) == [*COMMANDS, "options"]
     for purpose, names in COMMANDS.items():
         assert re.findall(r"^  (\w+)", sections[purpose], re.MULTILINE) == list(names)
-    assert len(set(NAMES)) == len(NAMES) == 12
+    assert len(set(NAMES)) == len(NAMES) == 13
 
 
 @pytest.mark.parametrize("command", NAMES)
@@ -147,7 +147,7 @@ def printed(capsys, shell):
 
 def test_bash_completes_commands_options_and_choices(capsys):
     script = printed(capsys, "bash")
-    assert completed(script, "jaxglide s") == ["shapes", "sweep"]
+    assert completed(script, "jaxglide s") == ["shapes", "sweep", "steady"]
     assert set(completed(script, "jaxglide ")) >= set(NAMES)
     assert completed(script, "jaxglide glide --gust") == [
         "--gust",

@@ -12,13 +12,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from made_steady import made_steady
 
 import jaxglide
 from jaxglide import Gait, Glide, Glider, Launch, Polar, Snake, TakeOff
 from jaxglide._lib.formats import TITLES, kind_of, marked
 from jaxglide.ensemble import records, survey
 from jaxglide.ensemble.study import Study
-from jaxglide.files import glide_dataset, log_dataset
+from jaxglide.files import glide_dataset, log_dataset, steady_dataset
 from jaxglide.flight.ends import default_ends
 from jaxglide.flight.solve import settings_of
 from jaxglide.flight.trajectory import Trajectory
@@ -29,6 +30,7 @@ from jaxglide.search.optimum import optimise
 from made_recordings import swimming, write_tabular
 from made_searches import Made, problem_of
 
+FLIGHTS = ("glide", "trajectory", "steady glide")  # opened as these
 GRID = {"nu_theta": [1.2, 1.4], "d_psi": [0.0, 10.0]}
 
 
@@ -149,6 +151,7 @@ def results(tmp_path_factory, log):
     return {
         "glide": glide_dataset(a_glide(), 9),
         "trajectory": glide_dataset(a_trajectory(), 9),
+        "steady glide": steady_dataset(made_steady()),
         "glides": glides(),
         "shape space": marked(glides(), "shape space"),
         "held glides": held(),
@@ -173,7 +176,7 @@ def test_every_kind_has_a_file(files):
     assert set(files) == set(TITLES)
 
 
-@pytest.mark.parametrize("kind", [k for k in TITLES if k not in ("glide", "trajectory")])
+@pytest.mark.parametrize("kind", [k for k in TITLES if k not in FLIGHTS])
 def test_a_dataset_comes_back_as_it_was(results, files, kind):
     again = jaxglide.open(files[kind])
     assert kind_of(again) == kind
@@ -277,7 +280,7 @@ loaded = sorted(name for name in sys.modules if name.split(".")[0] == "matplotli
 assert not loaded, loaded
 assert "jaxglide.plot" not in sys.modules
 """
-    chosen = [str(files[kind]) for kind in ("glide", "glides", "optimisation")]
+    chosen = [str(files[kind]) for kind in ("glide", "steady glide", "glides", "optimisation")]
     done = subprocess.run([sys.executable, "-c", code, *chosen], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 

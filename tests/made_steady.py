@@ -1,5 +1,7 @@
 """Steady glides that nobody computed: on a helix, or straight, with a wiggle in every cycle."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -72,6 +74,7 @@ def made_steady(turn_rate=0.0, radius=0.9, found=True, **changes):
         "found": found,
         "residual": 1e-14 if found else 0.2,
         "period": period,
+        "step": 1 / 300,
     }
     arrays = {name: jnp.asarray(value) for name, value in (figures | rest).items()}
     reason = Reason.FOUND if found else Reason.NOT_CONVERGED
@@ -79,4 +82,5 @@ def made_steady(turn_rate=0.0, radius=0.9, found=True, **changes):
         "reason": jnp.asarray(int(reason), jnp.int32),
         "iterations": jnp.asarray(7, jnp.int32),
     }
-    return SteadyGlide(**{"glider": glider, "frozen": False} | arrays | counts | changes)
+    fields: dict[str, Any] = {"glider": glider, "frozen": False} | arrays | counts | changes
+    return SteadyGlide(**fields)

@@ -15,6 +15,7 @@ _POWER = re.compile(r"([^\W\d_])(-?\d)")
 
 _IN_FILES = {  # name in files, and what the long name adds
     "deg": ("degree", ""),
+    "deg/s": ("degree/s", ""),
     "deg/SVL": ("degree", ", per SVL"),
     "1/SVL": ("1", ", per SVL"),
     "of SVL": ("1", ", over SVL"),

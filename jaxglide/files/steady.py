@@ -33,6 +33,7 @@ _NUMBERS = {
     "sink_rate": ("m/s", "speed downwards along the mean path"),
     "turn_rate": ("rad/s", "rate at which the mean path turns to the left"),
     "spectral_radius": ("", "largest modulus of the multipliers"),
+    "step": ("s", "longest step of the solver"),
 }
 _ARRAYS = {
     "state": (_EACH, "mixed", "reduced state at the start of a cycle"),
@@ -109,8 +110,8 @@ def _values(glide: SteadyGlide) -> dict[str, np.ndarray]:
     found |= {name: states[:, part] for name, part in _STATES.items()}
     found["path_length"] = states[:, PATH]
     return found | {
-        "multiplier_real": multipliers.real,
-        "multiplier_imaginary": multipliers.imag,
+        "multiplier_real": np.real(multipliers),
+        "multiplier_imaginary": np.imag(multipliers),
     }
 
 

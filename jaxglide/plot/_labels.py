@@ -16,6 +16,7 @@ SYMBOLS = {name: f"${known.symbol}$" for name, known in parameters_of(Gait).item
 _UNITS = {
     "deg": "°",
     "degree": "°",
+    "degree/s": "°/s",
     "deg/SVL": "° per SVL",
     "m/s^2": "m/s²",
     "m^2/s": "m²/s",

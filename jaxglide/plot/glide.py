@@ -93,7 +93,7 @@ def _limits(values: np.ndarray, pad: float, least: float) -> tuple[float, float]
 
 def _whole(glide: AbstractTrajectory) -> bool:
     """Whether it is a piece of flight that was to be no longer."""
-    return not isinstance(glide, Glide) and glide.outcome == Outcome.OUT_OF_TIME
+    return not isinstance(glide, Glide) and int(glide.outcome) == Outcome.OUT_OF_TIME
 
 
 def start_word(glide: AbstractTrajectory) -> str:

@@ -63,7 +63,7 @@ def spectrum(
     for k, (name, values) in enumerate(rows):
         colour, mark = _COLOURS[k % 7], _MARKS[(k + k // 7) % 7]
         look = {"color": colour, "marker": mark, "ls": "", "ms": 3.4, "mew": 0}
-        ax.plot(values.real, values.imag, label=name, zorder=4, clip_on=False, **look)
+        ax.plot(np.real(values), np.imag(values), label=name, zorder=4, clip_on=False, **look)
     ax.legend(loc="center left", bbox_to_anchor=(1.03, 0.5), borderaxespad=0, handlelength=1.0)
     return ax
 

@@ -1,16 +1,17 @@
 """Some cycles of a steady glide, from the one that is known: what follows repeats it."""
 
 import dataclasses
+from typing import Any
 
 import diffrax
 import jax.numpy as jnp
 import numpy as np
 
-from ..air.air import UniformWind
 from ..flight.dynamics import ANGLES, PATH, POSITION, VELOCITY
 from ..flight.ends import Outcome
 from ..flight.solve import settings_of
 from ..flight.trajectory import Trajectory
+from .glide import carried
 from .result import SteadyGlide
 
 
@@ -62,16 +63,15 @@ def repeated(glide: SteadyGlide, cycles: int = 2) -> Trajectory:
 
 
 def _trajectory(glide: SteadyGlide, times, states) -> Trajectory:
-    air = glide.glider.air
-    if isinstance(air, UniformWind):
-        air = dataclasses.replace(air, velocity=jnp.zeros_like(air.velocity))
+    still = dataclasses.replace(glide.glider, air=carried(glide.glider.air))
     none = jnp.asarray(0, jnp.int32)
+    path: Any = diffrax.LinearInterpolation(times, states)
     settings = settings_of(
         rtol=1e-6, atol=1e-6, max_time=float(times[-1]), times=None, ends=(), solver=None,
         step=None, max_steps=1, dense=True,
     )  # fmt: skip
     return Trajectory(
-        glider=dataclasses.replace(glide.glider, air=air),
+        glider=still,
         settings=settings,
         phase=glide.phase,
         start_time=times[0],
@@ -83,5 +83,5 @@ def _trajectory(glide: SteadyGlide, times, states) -> Trajectory:
         accepted=none,
         rejected=none,
         states=None,
-        interpolation=diffrax.LinearInterpolation(times, states),
+        interpolation=path,
     )

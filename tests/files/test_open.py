@@ -18,6 +18,7 @@ import jaxglide
 from jaxglide import Gait, Glide, Glider, Launch, Polar, Snake, TakeOff
 from jaxglide._lib.formats import TITLES, kind_of, marked
 from jaxglide.ensemble import records, survey
+from jaxglide.ensemble.steady_records import steady_contents
 from jaxglide.ensemble.study import Study
 from jaxglide.files import glide_dataset, log_dataset, steady_dataset
 from jaxglide.flight.ends import default_ends
@@ -84,6 +85,13 @@ def glides():
     values = zeros(records._VARIABLES, {"axis": 3, "turn": 3})
     values |= {"outcome": np.zeros(4, np.int32), "states": np.zeros((4, 2, 13))}
     return records.study_dataset(Study(grid=GRID, times=[0.0, 0.1]), values)
+
+
+def steady_sweep():
+    study, contents = Study(grid=GRID), steady_contents(starts=4, most=2, step=1 / 300)
+    kept = contents.layout(study, "float64")
+    values = {name: np.zeros((4, *row.shape), row.dtype) for name, row in kept.items()}
+    return contents.dataset(study, values)
 
 
 def held():
@@ -153,6 +161,7 @@ def results(tmp_path_factory, log):
         "trajectory": glide_dataset(a_trajectory(), 9),
         "steady glide": steady_dataset(made_steady()),
         "glides": glides(),
+        "steady glides": steady_sweep(),
         "shape space": marked(glides(), "shape space"),
         "held glides": held(),
         "optimisation": found.history,

@@ -5,6 +5,7 @@ Derivatives do not pass through the search. They are those of the fixed point.
 
 from collections.abc import Callable
 from functools import lru_cache, partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -40,6 +41,20 @@ def _judge(asked: Asked, structure, leaves, kind: Kind, gradients: bool, devices
     return spread(one, devices, 1)
 
 
+class Roots(NamedTuple):
+    """Where the searches of some points have come to.
+
+    Attributes:
+        u: scaled reduced states, NaN where nothing is found, (S, 8).
+        coarse, full: derivatives of the map that each took, with a quarter of the solver's
+            steps and with all of them, (S,).
+    """
+
+    u: np.ndarray
+    coarse: np.ndarray
+    full: np.ndarray
+
+
 class SteadyJudge:
     """Values and gradients of a problem that asks for steady glides.
 
@@ -48,10 +63,6 @@ class SteadyJudge:
     Args:
         problem: the problem.
         gradients: whether to compute gradients too.
-
-    Attributes:
-        coarse, full: derivatives of the map that the searches took so far, with a quarter of
-            the solver's steps and with all of them.
     """
 
     def __init__(self, problem: Problem, gradients: bool):
@@ -59,32 +70,55 @@ class SteadyJudge:
         (self._kind,) = kinds(problem.base, varied, 1)
         self._seeker = Seeker(problem.base, self._kind, STEP)
         self._problem, self._gradients = problem, gradients
-        self.coarse = self.full = 0
 
-    def roots(self, points: np.ndarray) -> np.ndarray:
-        """Scaled reduced states of steady glides at points (S, n); NaN where none, (S, 8)."""
-        values = dict(zip(self._problem.names, points.T, strict=True))
-        starts = self._seeker.starts(values, 0)
-        roots = np.full((len(points), 8), np.nan)
-        for place, found in self._seeker.search(values, lambda places: starts[places]):
-            if len(found.roots):
-                roots[place] = found.roots[0]
-            self.coarse += found.coarse
-            self.full += found.full
-        return roots
+    def roots(self, points: np.ndarray, guesses: np.ndarray | None = None) -> Roots:
+        """Search for steady glides.
 
-    def __call__(self, points: np.ndarray, given: Given) -> Evaluation:
-        """Evaluate points (S, n)."""
+        Args:
+            points: (S, n).
+            guesses: scaled reduced states from which alone to search, as long as that finds
+                one; NaN for none, (S, 8).
+        """
+        found = Roots(np.full((len(points), 8), np.nan), *np.zeros((2, len(points))))
+        if guesses is not None:
+            some = np.flatnonzero(np.isfinite(guesses).all(axis=1))
+            self._search(points, some, lambda places: guesses[places, None], found)
+        rest = np.flatnonzero(~np.isfinite(found.u).all(axis=1))
+        if len(rest):
+            starts = self._seeker.starts(self._values(points[rest]), 0)
+            self._search(
+                points, rest, lambda places: starts[np.searchsorted(rest, places)], found
+            )
+        return found
+
+    def _values(self, points: np.ndarray) -> dict[str, np.ndarray]:
+        return dict(zip(self._problem.names, points.T, strict=True))
+
+    def _search(self, points, some, starts, found: Roots) -> None:
+        if not len(some):
+            return
+        values = self._values(points[some])
+        for place, end in self._seeker.search(values, lambda places: starts(some[places])):
+            k = some[place]
+            if len(end.roots):
+                found.u[k] = end.roots[0]
+            found.coarse[k] += end.coarse
+            found.full[k] += end.full
+
+    def judge(self, points: np.ndarray, roots: np.ndarray, given: Given) -> Evaluation:
+        """Evaluate points (S, n) whose steady glides are known, (S, 8)."""
         devices = workers()
         arrays, key = shared(given)
         judge = _judge(self._problem.asked, *key, self._kind, self._gradients, devices)
         width = LANES * len(devices)
-        columns = {"x": points, "u": self.roots(points)}
+        columns = {"x": points, "u": roots}
         parts = [
             judge({name: x[k : k + width] for name, x in columns.items()}, width, arrays)
             for k in range(0, len(points), width)
         ]
-        values, slopes = (
-            np.concatenate([p[name] for p in parts]) for name in Evaluation._fields
-        )
-        return Evaluation(values, slopes)
+        fields = Evaluation._fields
+        return Evaluation(*(np.concatenate([p[name] for p in parts]) for name in fields))
+
+    def __call__(self, points: np.ndarray, given: Given) -> Evaluation:
+        """Evaluate points (S, n)."""
+        return self.judge(points, self.roots(points).u, given)

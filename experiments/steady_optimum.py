@@ -1,0 +1,457 @@
+"""Steady glides made flat and stable: do gradients through the fixed point beat sampling?
+
+The flattest steady glide whose multipliers all stay below 0.95 in modulus, by five gait
+variables, in wide ranges and in those observed; smooth polar, 40 Gauss nodes. Three searches
+at equal cost, ten seeds each: gradients (`optimise`: 12 points of a Sobol set tried, Adam from
+the best 2 of them), CMA-ES (populations of 8; 100 degrees times the logarithm of radius over
+0.95 are added where that is above 1, 1000 where nothing is found) and a Sobol set. All judge a
+gait alike: by the steady glide to which the search leads from that of the nearest gait judged
+before, if that is within a tenth of the ranges; if there is none or it leads nowhere, by the
+most stable of those that searches from five starts find.
+
+Cost is counted in derivatives of the return map with all steps of the solver, a derivative
+with a quarter of the steps as a quarter. By processor time in lanes of 16 the five starts of
+a gait cost 8 of them, to judge what is found 3.5, and with all gradients 16. Every search has
+1,200 (`--size`). A seed is won by the flatter glide; one that finds none loses. The factor is
+1,200 over the cost at which the gradients reach the median that sampling ends with.
+
+Then, from the best of all that: the flattest, the slowest sinking and the most stable gait of
+both ranges; and how stable a gait can become where one range at a time is wider, or where the
+mass moves along the body.
+"""
+
+import json
+import threading
+from collections.abc import Callable
+
+import cma
+import numpy as np
+from common import arguments, save_figure, write_table, write_text
+from matplotlib.figure import Figure
+from scipy.stats import qmc
+from steady_map import OBSERVED, WIDE
+
+from jaxglide import Problem, optimise, spectral_radius, steady_glide_angle, steady_sink_rate
+from jaxglide.ensemble.seeker import MOST
+from jaxglide.plot import style
+from jaxglide.search.problem import Evaluation
+from jaxglide.search.steady import SteadyJudge
+
+SETUP = {"polar": "smooth", "node_set": "gauss"}
+NODES = 40
+BOUND, SCALE = 0.95, 0.02
+SEEDS, BUDGET = 10, 1200
+SCREEN, STARTS = 12, 2
+REACH = 0.1  # of the ranges, within which a gait's glide is a guess
+COARSE, KNOWN, JUDGED, SLOPED = 0.25, 8.0, 3.5, 16.0
+POPULATION = 8
+MEASURES = {
+    "steady_glide_angle": steady_glide_angle,
+    "spectral_radius": spectral_radius,
+    "steady_sink_rate": steady_sink_rate,
+}
+FLAT, FIRM, SLOW = MEASURES
+MASS = "body.body_density[0]"  # where the body's density is largest, fraction of its length
+CENTRE = 0.52583598  # the published one
+
+
+class Desk:
+    """Judges gaits for several searches at once, whenever all of them have asked.
+
+    Args:
+        ranges: of the free parameters, of which only the names count here.
+        searches: how many.
+        nodes: of the body.
+    """
+
+    def __init__(self, ranges: dict, searches: int = 1, nodes: int = NODES):
+        raw = tuple(MEASURES[name].at_most(0.0) for name in (FIRM, SLOW))
+        setup = {**SETUP, "nodes": nodes}
+        problem = Problem(MEASURES[FLAT], ranges, raw, setup=setup)
+        self.given = problem.given()
+        self.judges = {slopes: SteadyJudge(problem, slopes) for slopes in (False, True)}
+        self.active, self.ready = searches, threading.Condition()
+        self.waiting: dict[int, tuple[np.ndarray, np.ndarray, bool]] = {}
+        self.answers: dict[int, tuple[Evaluation, np.ndarray, np.ndarray]] = {}
+        self.broken = False
+
+    def ask(
+        self, points: np.ndarray, guesses: np.ndarray, slopes: bool = False
+    ) -> tuple[Evaluation, np.ndarray, np.ndarray]:
+        """Glide angle, radius and sink rate at points, (S, 3), and their gradients; the states
+        of the glides, (S, 8); the costs, (S,)."""
+        who = threading.get_ident()
+        with self.ready:
+            self.waiting[who] = points, guesses, slopes
+            self._serve()
+            self.ready.wait_for(lambda: self.broken or who in self.answers)
+            return self.answers.pop(who)
+
+    def leave(self) -> None:
+        """One search fewer."""
+        with self.ready:
+            self.active -= 1
+            self._serve()
+
+    def _serve(self) -> None:
+        if self.broken or not self.waiting or len(self.waiting) < self.active:
+            return
+        try:
+            self._judge()
+        except BaseException:
+            self.broken = True
+            raise
+        finally:
+            self.ready.notify_all()
+
+    def _judge(self) -> None:
+        for slopes, judge in self.judges.items():
+            asked = {
+                who: given[:2] for who, given in self.waiting.items() if given[2] == slopes
+            }
+            if not asked:
+                continue
+            points, guesses = map(np.concatenate, zip(*asked.values(), strict=True))
+            roots = judge.roots(points, guesses)
+            cold = ~np.isfinite(guesses).all(axis=1)  # or a guess that leads nowhere, below
+            cold |= roots.coarse > MOST
+            cost = COARSE * roots.coarse + roots.full + (SLOPED if slopes else JUDGED)
+            cost += np.where(cold, KNOWN, 0.0)
+            found = judge.judge(points, roots.u, self.given)
+            sign = np.array([1.0, -1.0, -1.0])  # slacks are what they are below 0
+            values, gradients = found.values * sign, found.gradients * sign[:, None]
+            upto = 0
+            for who, (own, _) in asked.items():
+                at = slice(upto, upto := upto + len(own))
+                told = Evaluation(values[at], gradients[at])
+                self.answers[who] = told, roots.u[at], cost[at]
+        self.waiting = {}
+
+
+class Ledger:
+    """What a search has spent, and the values (glide angle, radius, sink rate) it has got."""
+
+    def __init__(self, desk: Desk, ranges: dict):
+        self.desk, self.spent = desk, 0.0
+        self.low, self.high = np.array(list(ranges.values())).T
+        self.costs, self.points, self.values, self.roots = [], [], [], []
+
+    def ask(self, points: np.ndarray, slopes: bool = False) -> Evaluation:
+        found, roots, cost = self.desk.ask(points, self._guesses(points), slopes)
+        self.costs += (self.spent + np.cumsum(cost)).tolist()
+        self.spent = self.costs[-1]
+        self.points += points.tolist()
+        self.values += found.values.tolist()
+        self.roots += list(roots)
+        return found
+
+    def _guesses(self, points: np.ndarray) -> np.ndarray:
+        """The glide of the nearest gait judged so far, where that is near."""
+        guesses = np.full((len(points), 8), np.nan)
+        if not self.roots:
+            return guesses
+        roots = np.array(self.roots)
+        away = (points[:, None] - np.array(self.points)) / (self.high - self.low)
+        distance = np.where(np.isfinite(roots).all(axis=1), np.abs(away).max(axis=2), np.inf)
+        nearest = distance.argmin(axis=1)
+        near = distance.min(axis=1) < REACH
+        guesses[near] = roots[nearest[near]]
+        return guesses
+
+
+class Asked:
+    """An evaluator of `optimise` that a desk serves."""
+
+    def __init__(self, problem: Problem, gradients: bool, ledger: Ledger):
+        self.problem, self.gradients, self.ledger = problem, gradients, ledger
+        self.wanted = list(MEASURES).index(problem.objective.name.lstrip("-"))
+
+    def __call__(self, points: np.ndarray, rtol=None, atol=None) -> Evaluation:
+        found = self.ledger.ask(points, self.gradients)
+        radius, slope = found.values[:, 1], found.gradients[:, 1]
+        parts = [(-found.values[:, self.wanted], -found.gradients[:, self.wanted])]
+        parts += [
+            ((c.bound - radius) / c.scale, -slope / c.scale) for c in self.problem.constraints
+        ]
+        values, gradients = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
+        return Evaluation(values, gradients)
+
+
+def problem_of(ranges: dict, measure: str = FLAT) -> Problem:
+    """To make a measure small, every multiplier below the bound."""
+    bounds = () if measure == FIRM else (spectral_radius.at_most(BOUND, SCALE),)
+    setup = {**SETUP, "nodes": NODES}
+    return Problem(MEASURES[measure].wanted, ranges, bounds, setup=setup)
+
+
+def climb(problem: Problem, ledger: Ledger, **options) -> None:
+    """`optimise`, without its sampling at the end."""
+    exact, fast = (Asked(problem, gradients, ledger) for gradients in (True, False))
+    given = {"polish": 0, "progress": False, "evaluator": exact, "screener": fast}
+    optimise(problem, **given, **options)  # type: ignore[arg-type]
+
+
+def by_gradients(problem: Problem, ledger: Ledger, seed: int, budget: float) -> None:
+    """Points of a Sobol set, then Adam from the best; steps as the budget allows."""
+    value, slope = 36.5, 24.0  # about what an evaluation costs
+    steps = max(int((budget - SCREEN * value) / slope / STARTS), 1)
+    climb(problem, ledger, seed=seed, screen=SCREEN, starts=STARTS, steps=steps)
+
+
+def by_evolution(problem: Problem, ledger: Ledger, seed: int, budget: float) -> None:
+    """CMA-ES from the middle of nowhere."""
+    low, high = problem.low, problem.high
+    start = np.random.default_rng(2000 + seed).uniform(0.2, 0.8, len(low))
+    given = {"bounds": [0, 1], "popsize": POPULATION, "seed": seed + 1, "verbose": -9}
+    search = cma.CMAEvolutionStrategy(start, 0.3, given)
+    while ledger.spent < budget and not search.stop():
+        asked = search.ask()
+        values = ledger.ask(low + (high - low) * np.array(asked)).values
+        with np.errstate(invalid="ignore", divide="ignore"):
+            over = np.maximum(np.log(values[:, 1] / BOUND), 0)
+        search.tell(asked, np.nan_to_num(values[:, 0] + 100 * over, nan=1e3).tolist())
+
+
+def by_sampling(problem: Problem, ledger: Ledger, seed: int, budget: float) -> None:
+    """A Sobol set, eight points at a time."""
+    drawn = qmc.Sobol(len(problem.low), rng=1000 + seed)
+    while ledger.spent < budget:
+        points = problem.low + (problem.high - problem.low) * drawn.random(8)
+        ledger.ask(points)
+
+
+SEARCHES = {"gradients": by_gradients, "CMA-ES": by_evolution, "Sobol set": by_sampling}
+
+
+def side_by_side(works: list[tuple[dict, Callable[[Ledger], None]]]) -> list[dict]:
+    """What searches find, each within its ranges, of the same parameters."""
+    desk = Desk(works[0][0], len(works))
+    ledgers = [Ledger(desk, ranges) for ranges, _ in works]
+
+    def work(k: int) -> None:
+        try:
+            works[k][1](ledgers[k])
+        finally:
+            desk.leave()
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(len(works))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return [{"costs": x.costs, "points": x.points, "values": x.values} for x in ledgers]
+
+
+def with_seeds(search: Callable, ranges: dict, budget: float, seeds: int) -> list[dict]:
+    """What a search finds with each seed."""
+    problem = problem_of(ranges)
+    return side_by_side(
+        [
+            (ranges, lambda ledger, seed=seed: search(problem, ledger, seed, budget))
+            for seed in range(seeds)
+        ]
+    )
+
+
+def kept(options, name: str, compute: Callable[[], list[dict]]) -> list[dict]:
+    """Runs from a file, or anew and into it."""
+    path = options.out / f"{name}.runs.json"
+    if options.resume and path.exists():
+        return json.loads(path.read_text())
+    found = compute()
+    write_text(path, json.dumps(found))
+    return found
+
+
+def curve(run: dict, budget: float) -> tuple[np.ndarray, np.ndarray]:
+    """Cost and flattest so far that meets the bound, NaN before the first."""
+    values, costs = np.array(run["values"], float), np.array(run["costs"])
+    met = np.where(values[:, 1] <= BOUND * (1 + 1e-6), values[:, 0], np.nan)
+    some = costs <= budget
+    return costs[some], np.fmin.accumulate(met[some])
+
+
+def table_of(found: dict[str, list[dict]], name: str, budget: float) -> list[tuple]:
+    """A row for each search."""
+    curves = {which: [curve(run, budget) for run in each] for which, each in found.items()}
+    ends = {which: [float(best[-1]) for _, best in each] for which, each in curves.items()}
+    worst = {which: np.nan_to_num(each, nan=np.inf) for which, each in ends.items()}
+    target = float(np.median(worst["Sobol set"]))
+    rows = []
+    for which, each in curves.items():
+        wins = int((worst[which] < worst["Sobol set"]).sum())
+        reached = [
+            float(costs[np.argmax(best <= target)]) if (best <= target).any() else np.inf
+            for costs, best in each
+        ]
+        end = worst[which]
+        factor = budget / float(np.median(reached)) if np.isfinite(target) else np.nan
+        evaluations = float(np.median([len(costs) for costs, _ in each]))
+        row = (name, which, evaluations, int(np.isfinite(end).sum()), float(np.median(end)))
+        rows.append((*row, float(end.min()), wins, factor))
+    return rows
+
+
+HEADER = (
+    "ranges",
+    "search",
+    "gaits judged",
+    "seeds that find one",
+    "median of the flattest (deg)",
+    "flattest (deg)",
+    "seeds flatter than the Sobol set's",
+    "factor against it",
+)
+
+
+def refined(ranges: dict, measure: str, guesses: np.ndarray, steps: int) -> tuple:
+    """Work for `side_by_side`: gradients alone, from some guesses."""
+    problem = problem_of(ranges, measure)
+    given = np.clip(guesses, problem.low, problem.high)
+    given = [dict(zip(ranges, map(float, guess), strict=True)) for guess in given]
+    options = {"guesses": given, "starts": len(given), "screen": 0, "steps": steps}
+    return ranges, lambda ledger: climb(problem, ledger, **options)
+
+
+def best_in(run: dict, measure: str) -> tuple[np.ndarray, np.ndarray]:
+    """The best gait of a run, (n,), and its three measures, (3,); NaN where none is allowed."""
+    points, values = np.array(run["points"]), np.array(run["values"], float)
+    met = values[:, 1] <= (np.inf if measure == FIRM else BOUND)
+    wanted = np.where(met, values[:, list(MEASURES).index(measure)], np.nan)
+    if not np.isfinite(wanted).any():
+        return np.full(points.shape[1], np.nan), np.full(3, np.nan)
+    k = int(np.nanargmin(wanted))
+    return points[k], values[k]
+
+
+def pooled(found: list[list[dict]]) -> tuple[np.ndarray, np.ndarray]:
+    """All points that were judged, (N, n), and what came of them, (N, 3)."""
+    every = [run for each in found for run in each]
+    points = np.concatenate([run["points"] for run in every])
+    return points, np.concatenate([np.array(run["values"], float) for run in every])
+
+
+def leaders(points, values, measure: str, count: int) -> np.ndarray:
+    """The best points by a measure, those that meet the bound first; no two alike."""
+    column = values[:, list(MEASURES).index(measure)]
+    over = 0.0 if measure == FIRM else 1e3 * np.maximum(values[:, 1] - BOUND, 0)
+    order = np.argsort(np.nan_to_num(column + over, nan=1e9))
+    chosen: list[np.ndarray] = []
+    spread = points.max(axis=0) - points.min(axis=0)
+    for k in order:
+        if all(np.max(np.abs(points[k] - other) / spread) > 0.1 for other in chosen):
+            chosen.append(points[k])
+        if len(chosen) == count:
+            break
+    return np.array(chosen)
+
+
+WIDER = {
+    "as observed": {},
+    "theta_m 40 to 140 deg": {"theta_m": (40.0, 140.0)},
+    "nu_theta 0.8 to 2.2": {"nu_theta": (0.8, 2.2)},
+    "f_theta 0.6 to 3 Hz": {"f_theta": (0.6, 3.0)},
+    "d_psi -60 to 60 deg": {"d_psi": (-60.0, 60.0)},
+    "psi_m 0 to 90 deg": {"psi_m": (0.0, 90.0)},
+    "mass 0.30 to 0.75 of SVL": {MASS: (0.30, 0.75)},
+    "wide in all five": WIDE,
+}
+
+
+def needed(options, points, values, starts: int, steps: int) -> list[tuple]:
+    """How stable a gait can become, with one range at a time wider than observed."""
+    guesses, works = leaders(points, values, FIRM, starts), []
+    for wider in WIDER.values():
+        ranges = {**OBSERVED, **wider}
+        extra = np.full((len(guesses), len(ranges) - len(OBSERVED)), CENTRE)
+        works.append(refined(ranges, FIRM, np.hstack([guesses, extra]), steps))
+    gait = [work for work in works if MASS not in work[0]]
+    body = [work for work in works if MASS in work[0]]
+    found = kept(options, f"needed_{steps}", lambda: side_by_side(gait))
+    found += kept(options, f"needed_mass_{steps}", lambda: side_by_side(body))
+    rows = []
+    names = sorted(WIDER, key=lambda name: MASS in WIDER[name])
+    for name, run in zip(names, found, strict=True):
+        point, value = best_in(run, FIRM)
+        known = dict(zip({**OBSERVED, **WIDER[name]}, map(float, point), strict=True))
+        shown = [known[n] for n in OBSERVED] + [known.get(MASS, CENTRE)]
+        rows.append((name, float(value[1]), float(value[0]), *shown))
+    return rows
+
+
+def again(points: list[np.ndarray], nodes: int) -> np.ndarray:
+    """Glide angle, radius and sink rate on other nodes, (N, 3)."""
+    none = np.full((len(points), 8), np.nan)
+    return Desk(WIDE, nodes=nodes).ask(np.array(points), none)[0].values
+
+
+@style()
+def draw(found: dict[str, dict[str, list[dict]]], budget: float) -> Figure:
+    """Flattest so far against cost: median of the seeds, and their spread."""
+    figure = Figure(figsize=(150 / 25.4, 75 / 25.4), dpi=300, layout="constrained")
+    axes = figure.subplots(1, len(found), sharey=True)
+    grid = np.linspace(0, budget, 200)
+    colours = "#0072B2", "#D55E00", "#999999"
+    for ax, (name, searches) in zip(axes, found.items(), strict=True):
+        for (which, each), colour in zip(searches.items(), colours, strict=True):
+            on_grid = []
+            for run in each:
+                costs, best = curve(run, budget)
+                at = np.searchsorted(costs, grid, side="right") - 1
+                on_grid.append(np.where(at >= 0, best[np.maximum(at, 0)], np.nan))
+            worst = np.nan_to_num(on_grid, nan=90.0)
+            low, middle, high = np.quantile(worst, (0.0, 0.5, 1.0), axis=0)
+            ax.fill_between(grid, low, high, color=colour, alpha=0.12, lw=0)
+            ax.plot(grid, middle, color=colour, lw=1.4, label=which)
+        ax.set_title(name)
+        ax.set_xlabel("cost (derivatives of the map)")
+    axes[0].set_ylabel("flattest with radius below 0.95 (deg)")
+    axes[0].set_ylim(90, 15)
+    axes[0].legend(loc="lower right")
+    return figure
+
+
+def main() -> None:
+    options = arguments(__doc__)
+    budget = options.size or BUDGET
+    seeds, steps, starts = (SEEDS, 24, 3) if budget >= BUDGET else (2, 2, 2)
+    found: dict[str, dict[str, list[dict]]] = {}
+    rows, works, which = [], [], []
+    for name, ranges in (("wide", WIDE), ("observed", OBSERVED)):
+        found[name] = {
+            label: kept(
+                options,
+                f"{name}_{label.replace(' ', '_')}_{budget}",
+                lambda search=search, ranges=ranges: with_seeds(search, ranges, budget, seeds),
+            )
+            for label, search in SEARCHES.items()
+        }
+        rows += table_of(found[name], name, budget)
+        points, values = pooled(list(found[name].values()))
+        for measure in MEASURES:
+            guesses = leaders(points, values, measure, starts)
+            works.append(refined(ranges, measure, guesses, steps))
+            which.append((name, measure))
+    write_table(options.out / "searches", HEADER, rows)
+    save_figure(draw(found, budget), options.out / "steady_search.png")
+    refined_runs = kept(options, f"optima_{steps}", lambda: side_by_side(works))
+    ends = [
+        (name, measure, *best_in(run, measure))
+        for (name, measure), run in zip(which, refined_runs, strict=True)
+    ]
+    finer = again([point for *_, point, _ in ends], 60)
+    header = ("ranges", "least", *WIDE, "glide angle (deg)", "spectral radius")
+    header += ("sink rate (m/s)", "angle on 60 nodes", "radius on 60 nodes")
+    best = [
+        (name, measure, *map(float, point), *map(float, value), *map(float, fine[:2]))
+        for (name, measure, point, value), fine in zip(ends, finer, strict=True)
+    ]
+    write_table(options.out / "optima", header, best)
+    header = ("ranges", "least radius", "its glide angle (deg)", *OBSERVED, "mass at")
+    points, values = pooled(list(found["observed"].values()))
+    rows = needed(options, points, values, starts, steps // 2)
+    write_table(options.out / "needed", header, rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -17,6 +17,7 @@ from ..flight.glide import PILOT, landed, ready
 from ..flight.pool import Program, Task
 from .objective import Trial
 from .problem import Asked, Evaluation, Given, Problem, judged, trial_at, values_at
+from .steady import SteadyJudge
 
 _LANES = 16  # points per core in one batch
 
@@ -25,20 +26,31 @@ class _Flight(Exception):
     """That an objective asks for the flight."""
 
 
+class _Steady(Exception):
+    """That it asks for the steady glide."""
+
+
 class _Grounded(Trial):
     @property
     def glide(self):
         raise _Flight
 
+    @property
+    def steady(self):
+        raise _Steady
 
-def _flies(asked: Asked, given: Given) -> bool:
-    """Whether what is asked needs the flight; one's own objective may do without."""
-    x = jnp.zeros(len(asked.free))
-    try:
-        jax.eval_shape(lambda x: judged(asked, trial_at(asked, given, x, _Grounded)), x)
-    except _Flight:
-        return True
-    return False
+
+def _asks(asked: Asked, given: Given) -> set[type[Exception]]:
+    """What the objective and the constraints ask for first; one's own may do without both."""
+    x, found = jnp.zeros(len(asked.free)), set()
+    for one in (asked.objective, *(constraint.objective for constraint in asked.constraints)):
+        try:
+            jax.eval_shape(
+                lambda x, one=one: one.value(trial_at(asked, given, x, _Grounded)), x
+            )
+        except (_Flight, _Steady) as wanted:
+            found.add(type(wanted))
+    return found
 
 
 @eqx.filter_jit
@@ -79,6 +91,9 @@ class Evaluator:
         problem: the problem.
         gradients: whether to compute gradients too (forward mode while there are fewer
             parameters than results of a glide, else reverse mode; see `simulate`).
+
+    Steady glides that are asked for are searched first, from the five starts that
+    `steady_glide` tries first, and of those that are found the most stable is judged.
     """
 
     def __init__(self, problem: Problem, gradients: bool = True):
@@ -86,7 +101,9 @@ class Evaluator:
             raise TypeError(f"problem = {problem!r} is not a Problem")
         self.told = warn_float32(problem.rtol, problem.atol)
         self.problem, self.gradients, self.width = problem, gradients, 0
-        self._flies = gradients or _flies(problem.asked, problem.given())
+        asks = _asks(problem.asked, problem.given())
+        self._flies = gradients or _Flight in asks
+        self._steady = SteadyJudge(problem, gradients) if _Steady in asks else None
 
     def fingerprint(self) -> str:
         """A digest of all that is computed, down to the code of the user's own objective."""
@@ -115,6 +132,8 @@ class Evaluator:
             check_range(name, value, "", 0, 0.1, low_open=True, shape=())
         self.told = self.told or warn_float32(rtol, atol)
         asked, given = problem.asked, problem.given(rtol, atol)
+        if self._steady is not None:
+            return self._steady(points, given)
         if not self.gradients and self._flies:
             return self._flown(points, given)
         if not self.width:  # kept, so that fewer points later compile nothing

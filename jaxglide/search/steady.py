@@ -15,7 +15,7 @@ from ..ensemble.batch import shared, spread, workers
 from ..ensemble.seeker import LANES, Seeker
 from ..ensemble.steady import kinds
 from ..steady.closure import Kind
-from ..steady.glide import STEP, at_root
+from ..steady.glide import STEP, at_root, sought
 from .problem import Asked, Evaluation, Given, Problem, judged, trial_at
 
 
@@ -66,6 +66,7 @@ class SteadyJudge:
     """
 
     def __init__(self, problem: Problem, gradients: bool):
+        sought(problem.base.glider, 0.0, STEP)  # which checks it
         varied = {problem.base.path(name): np.array([1.0]) for name in problem.names}
         (self._kind,) = kinds(problem.base, varied, 1)
         self._seeker = Seeker(problem.base, self._kind, STEP)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxglide as jg
-from jaxglide.search import objectives
+from jaxglide.search import Evaluation, objectives
 from jaxglide.search.steady import SteadyJudge
 from jaxglide.steady.closure import Kind
 
@@ -51,6 +51,15 @@ def test_which_equation_a_problem_asks_for(changes, kind):
     }
     problem = jg.Problem(jg.spectral_radius.wanted, free, setup=SETUP, **changes)
     assert SteadyJudge(problem, gradients=False)._kind == kind
+
+
+def test_an_evaluator_judges_steady_glides_apart(monkeypatch):
+    told = Evaluation(np.array([[-30.0, 1.0, 2.0]]), np.zeros((1, 3, 0)))
+    monkeypatch.setattr(SteadyJudge, "__call__", lambda self, points, given: told)
+    assert jg.Evaluator(problem_of(), gradients=False)(np.array([[96.0, 1.4, 1.2]])) is told
+    mixed = jg.Problem(jg.curvature.wanted, FREE, [jg.spectral_radius.at_most(1)], setup=SETUP)
+    assert jg.Evaluator(mixed)._steady is not None
+    assert jg.Evaluator(jg.Problem(jg.curvature.wanted, FREE, setup=SETUP))._steady is None
 
 
 @slow

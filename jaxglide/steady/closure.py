@@ -10,6 +10,7 @@ import optimistix as optx
 
 from .._lib.either_mode import either_mode
 from .._lib.types import Array, Flag, Float, Integer, Scalar
+from ..air.air import AbstractAir, StillAir, UniformWind
 from ..body.sections import discretise
 from ..flight.dynamics import Flight, Glider
 from .reduced import (
@@ -44,6 +45,16 @@ class Kind(NamedTuple):
 
     frozen: bool
     mirrored: bool
+
+
+def carried(air: AbstractAir) -> StillAir:
+    """The air as one sees it that is carried along by it."""
+    if not isinstance(air, StillAir | UniformWind):
+        raise TypeError(
+            f"air must be of type StillAir or UniformWind, not {type(air).__name__}: where the "
+            "wind changes from place to place no glide is steady"
+        )
+    return StillAir(air_density=air.air_density, kinematic_viscosity=air.kinematic_viscosity)
 
 
 class Sought(eqx.Module):

@@ -11,7 +11,6 @@ import numpy as np
 
 from .._lib.checks import check_integer, check_range, is_traced, number
 from .._lib.types import Array, Float
-from ..air.air import AbstractAir, StillAir, UniformWind
 from ..flight.dynamics import ANGLES, Glider, check_glider
 from ..loads.aerodynamics import AbstractAerodynamics
 from ..shape.gait import Gait
@@ -21,6 +20,7 @@ from .closure import (
     Kind,
     Reached,
     Sought,
+    carried,
     first_found,
     orbit,
     orbit_of,
@@ -117,16 +117,6 @@ def sought(glider: Glider, phase, step) -> Sought:
 
 def _kind(part) -> str:
     return type(part).__name__
-
-
-def carried(air: AbstractAir) -> StillAir:
-    """The air as one sees it that is carried along by it."""
-    if not isinstance(air, StillAir | UniformWind):
-        raise TypeError(
-            f"air must be of type StillAir or UniformWind, not {_kind(air)}: where the wind "
-            "changes from place to place no glide is steady"
-        )
-    return StillAir(air_density=air.air_density, kinematic_viscosity=air.kinematic_viscosity)
 
 
 def steady_glide(

@@ -14,8 +14,10 @@ from ..air.air import UniformWind
 from ..flight.dynamics import ANGLES, VELOCITY, Glider
 from ..flight.integrate import integrate
 from ..flight.trajectory import Trajectory
+from .closure import Sought
 from .modes import Mode, modes_of
 from .reduced import Reduced, Slopes
+from .uncertainty import Uncertainty, by_coefficients, by_discretisation, sought
 
 
 class Reason(enum.IntEnum):
@@ -141,6 +143,30 @@ class SteadyGlide(eqx.Module, Reported):
         if not bool(self._one().found):
             return ()
         return modes_of(np.asarray(self.slopes), float(self.period), self.frozen)
+
+    @property
+    def uncertainty(self) -> Uncertainty | None:
+        """Standard deviations that the coefficients leave; None where the polar has none.
+
+        To first order, by exact derivatives along every independent deviation of the polar
+        (see `AbstractPolar.spread`, `Polar.band_limited`). Computed when it is asked for.
+        """
+        return by_coefficients(*self._closed(), self.states[-1], self.slopes)
+
+    @property
+    def discretisation(self) -> Uncertainty:
+        """How far the numbers are from those on twice as many Gauss nodes, by half the step.
+
+        Found again from here when it is asked for.
+        """
+        return by_discretisation(*self._closed())
+
+    def _closed(self) -> tuple[Reduced, Sought]:
+        """The scaled state, and what it fulfils."""
+        if not bool(self._one().found):
+            raise ValueError(f"there is no steady glide: {self.why}")
+        posed = sought(self.glider, self.phase, self.step, self.frozen)
+        return self.state / posed.scales(), posed
 
     def fly(self, cycles: int = 1, height: float = 0.0, **options) -> Trajectory:
         """Some cycles of it as a flight, to view and to plot; the wind carries it along.

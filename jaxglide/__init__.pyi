@@ -31,6 +31,7 @@ from .flight import (
     reconstruct,
     simulate,
     six_degrees_of_freedom,
+    standard_deviation,
     take_off,
 )
 from .flights import Fit, Fitter, compare_paths, fit, fly_flights
@@ -90,7 +91,7 @@ from .shape import (
     Waveform,
     shape_line,
 )
-from .steady import Mode, SteadyGlide, steady_glide, steady_glides
+from .steady import Mode, SteadyGlide, Uncertainty, averaged_glide, steady_glide, steady_glides
 from .tunnel import (
     body_polar,
     derivatives,
@@ -166,10 +167,12 @@ __all__ = [
     "Trajectory",
     "Trial",
     "Turbulence",
+    "Uncertainty",
     "UniformWind",
     "Verification",
     "Waveform",
     "about",
+    "averaged_glide",
     "body_polar",
     "cache",
     "clearance",
@@ -203,6 +206,7 @@ __all__ = [
     "spectral_radius",
     "squared_pitch_moment",
     "stability_margin",
+    "standard_deviation",
     "steady_glide",
     "steady_glide_angle",
     "steady_glides",

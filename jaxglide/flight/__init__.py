@@ -17,6 +17,7 @@ from .integrate import integrate
 from .launch import Launch, TakeOff, take_off
 from .solve import Settings
 from .trajectory import Trajectory, reconstruct
+from .uncertainty import standard_deviation
 
 __all__ = [
     "AbstractEnd",
@@ -41,5 +42,6 @@ __all__ = [
     "reconstruct",
     "simulate",
     "six_degrees_of_freedom",
+    "standard_deviation",
     "take_off",
 ]

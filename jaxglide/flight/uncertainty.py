@@ -48,7 +48,9 @@ def standard_deviation(function: Callable[[Glider], Any], glider: Glider) -> Any
         >>> def distance(glider):
         ...     return simulate(glider, Launch(height=10.0)).landing_point[1]
         ...
-        >>> print(f"{distance(glider):.1f} m, give or take {standard_deviation(distance, glider):.1f}")
+        >>> off = standard_deviation(distance, glider)
+        >>> print(f"{distance(glider):.1f} m, give or take {off:.1f}")
+        5.2 m, give or take 0.9
     """
     polar = getattr(check_glider(glider).aerodynamics, "polar", None)
     spread = None if polar is None else polar.spread()

@@ -1,7 +1,9 @@
 """What is known of a steady glide: where it goes, and whether it stays there."""
 
+import dataclasses
 import enum
 import math
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,10 +16,10 @@ from ..air.air import UniformWind
 from ..flight.dynamics import ANGLES, VELOCITY, Glider
 from ..flight.integrate import integrate
 from ..flight.trajectory import Trajectory
-from .closure import Sought
+from .closure import Kind, Sought, carried
 from .modes import Mode, modes_of
 from .reduced import Reduced, Slopes
-from .uncertainty import Uncertainty, by_coefficients, by_discretisation, sought
+from .uncertainty import Uncertainty, by_coefficients, by_discretisation
 
 
 class Reason(enum.IntEnum):
@@ -73,6 +75,7 @@ class SteadyGlide(eqx.Module, Reported):
             the origin and yaw 0 (see `dynamics`), (C, 13).
         step: longest step of the solver [s].
         frozen: whether the body does not undulate (static).
+        averaged: whether it is one of the averaged model (static); see `averaged_glide`.
     """
 
     glider: Glider
@@ -94,6 +97,7 @@ class SteadyGlide(eqx.Module, Reported):
     states: Float[Array, "C 13"]
     step: Scalar
     frozen: bool = eqx.field(static=True)
+    averaged: bool = eqx.field(static=True, default=False)
 
     @property
     def why(self) -> str:
@@ -165,7 +169,12 @@ class SteadyGlide(eqx.Module, Reported):
         """The scaled state, and what it fulfils."""
         if not bool(self._one().found):
             raise ValueError(f"there is no steady glide: {self.why}")
-        posed = sought(self.glider, self.phase, self.step, self.frozen)
+        if self.averaged:
+            raise ValueError("how sure it is, is known of the full model's glide alone")
+        gait: Any = self.glider.gait
+        mirrored = not self.frozen and float(gait.d_theta) == 0
+        still = dataclasses.replace(self.glider, air=carried(self.glider.air))
+        posed = Sought(still, self.phase, self.step, Kind(self.frozen, mirrored))
         return self.state / posed.scales(), posed
 
     def fly(self, cycles: int = 1, height: float = 0.0, **options) -> Trajectory:
@@ -205,6 +214,7 @@ def _e(value) -> str:
 def _title(glide: SteadyGlide) -> str:
     angle, kind = math.degrees(glide.glide_angle), "stable" if glide.stable else "unstable"
     what = "frozen, " if glide.frozen else ""
+    what = "averaged, " if glide.averaged else what
     return f"Steady glide, {what}{angle:.2f} deg below the horizontal: {kind}"
 
 

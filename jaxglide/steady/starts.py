@@ -10,11 +10,11 @@ from scipy.stats import qmc
 from .._lib.types import Array, Float, Scalar
 from ..body.sections import discretise
 from ..flight.dynamics import Flight
-from .closure import COARSE, Sought
-from .reduced import Reduced, flown, rates
+from .closure import COARSE, Reached, Sought
+from .reduced import Reduced, Slopes, flown, rates
 
 PHASES = 12
-"""Phases over which the rates are averaged."""
+"""Phases over which the rates are averaged where a search starts."""
 _ITERATIONS = 40
 _PITCHES = np.deg2rad([-45.0, -10.0, -70.0, 20.0])
 _ANGLE_OF_ATTACK = np.deg2rad(35.0)
@@ -51,11 +51,15 @@ def sobol(count: int) -> np.ndarray:
     return np.concatenate([_velocity(*drawn[:, :3].T), drawn[:, 3:]], axis=1)
 
 
-def _by_phase(u: Reduced, posed: Sought) -> Float[Array, "P 8"]:
-    """Scaled rates at equally spaced phases of the waves, the state held."""
+def phases_of(posed: Sought, count: int) -> Float[Array, " P"]:
+    """Equally spaced phases of the waves, as they follow in flight; of a frozen body one."""
+    count = 1 if posed.kind.frozen else count
+    return posed.phase - 2 * jnp.pi * jnp.arange(count) / count  # in flight they fall
+
+
+def _by_phase(u: Reduced, posed: Sought, phases: Float[Array, " P"]) -> Float[Array, "P 8"]:
+    """Scaled rates at phases of the waves, the state held."""
     unit, sections = posed.scales(), discretise(posed.glider.body)
-    count = 1 if posed.kind.frozen else PHASES
-    phases = posed.phase - 2 * jnp.pi * jnp.arange(count) / count  # in flight they fall
 
     def at(phase):
         flight = Flight(posed.glider, sections, phase)
@@ -64,21 +68,50 @@ def _by_phase(u: Reduced, posed: Sought) -> Float[Array, "P 8"]:
     return jax.vmap(at)(phases)
 
 
-@eqx.filter_custom_jvp
-def _mean_rates(u, posed):
-    return jnp.mean(_by_phase(u, posed), axis=0)
+def mean_rates(u: Reduced, posed: Sought, phases: Float[Array, " P"]) -> Reduced:
+    """Scaled rates of the averaged model [1/s]: means over phases of the waves, (8,)."""
+    return jnp.mean(_by_phase(u, posed, phases), axis=0)
 
 
-@_mean_rates.def_jvp
-def _(primals, tangents):
-    (u, posed), along = primals, tangents[0]
+def mean_rates_with_slopes(
+    u: Reduced, posed: Sought, phases: Float[Array, " P"]
+) -> tuple[Reduced, Slopes]:
+    """The same, and their derivatives by the scaled state, (8, 8)."""
 
     def mean(u):
-        value = jnp.mean(_by_phase(u, posed), axis=0)
+        value = mean_rates(u, posed, phases)
         return value, value
 
     slopes, value = jax.jacfwd(mean, has_aux=True)(u)
-    return value, slopes @ along
+    return value, slopes
+
+
+@eqx.filter_custom_jvp
+def _known_slopes(u, given):
+    return mean_rates(u, *given)
+
+
+@_known_slopes.def_jvp
+def _(primals, tangents):
+    value, slopes = mean_rates_with_slopes(primals[0], *primals[1])
+    return value, slopes @ tangents[0]
+
+
+def equilibrium(guess: Reduced, posed: Sought, phases: Float[Array, " P"]) -> Reached:
+    """A zero of the mean rates near a guess, or where the search for it ends.
+
+    No derivative passes through it.
+    """
+    found = optx.root_find(
+        _known_slopes,
+        optx.Dogleg(rtol=0.0, atol=1e-6),
+        guess,
+        (posed, phases),
+        max_steps=_ITERATIONS,
+        throw=False,
+    )
+    taken = found.stats["num_steps"].astype(jnp.int32)
+    return Reached(found.value, found.result == optx.RESULTS.successful, taken)
 
 
 def averaged(guess: Reduced, posed: Sought) -> tuple[Reduced, Scalar]:
@@ -95,15 +128,9 @@ def averaged(guess: Reduced, posed: Sought) -> tuple[Reduced, Scalar]:
     Returns:
         Scaled reduced state, (8,), and the largest scaled mean rate that is left [1/s].
     """
-    found = optx.root_find(
-        _mean_rates,
-        optx.Dogleg(rtol=0.0, atol=1e-6),
-        guess,
-        posed,
-        max_steps=_ITERATIONS,
-        throw=False,
-    ).value
-    now = _by_phase(found, posed)
+    phases = phases_of(posed, PHASES)
+    found = equilibrium(guess, posed, phases).u
+    now = _by_phase(found, posed, phases)
     return found + _swing(now, posed.period), jnp.max(jnp.abs(jnp.mean(now, axis=0)))
 
 

@@ -11,12 +11,9 @@ import numpy as np
 
 from .._lib.report import Report, Reported
 from .._lib.types import Array, Float, Scalar
-from ..flight.dynamics import Glider
 from ..loads.polar import AbstractPolar
 from .closure import (
-    Kind,
     Sought,
-    carried,
     orbit,
     orbit_of,
     refined,
@@ -64,13 +61,6 @@ class Uncertainty(eqx.Module, Reported):
             ("moduli", moduli),
         )
         return Report(f"Uncertainty of a steady glide by {self.source}", rows)
-
-
-def sought(glider: Glider, phase: Scalar, step: Scalar, frozen: bool) -> Sought:
-    """What a steady glide of known numbers has fulfilled."""
-    gait: Any = glider.gait
-    still = dataclasses.replace(glider, air=carried(glider.air))
-    return Sought(still, phase, step, Kind(frozen, not frozen and float(gait.d_theta) == 0))
 
 
 @eqx.filter_jit
@@ -131,19 +121,24 @@ def by_coefficients(
         return jax.jvp(numbers, (u, end, slopes), directions)[1]
 
     found = numbers(u, end, slopes)
-    return _summed(found, jax.vmap(along)(jnp.asarray(moved), *totals))
+    rates = jax.vmap(along)(jnp.asarray(moved), *totals)
+    return Uncertainty(**in_sum(found, rates), source="the coefficients (standard deviations)")
 
 
-def _summed(found: dict, moved: dict) -> Uncertainty:
-    """Roots of the sums of squares over the deviations."""
-    values, rates = (np.asarray(each.pop("multipliers")) for each in (found, moved))
+def in_sum(found: dict[str, Any], moved: dict[str, Any]) -> dict[str, Any]:
+    """Roots of the sums of squares over deviations, by name.
+
+    Args:
+        found: values, multipliers among them.
+        moved: their derivatives along the deviations, which come first.
+    """
+    values, rates = (np.asarray(each["multipliers"]) for each in (found, moved))
     apart = np.abs(values[:, None] - values) + np.diag(np.full(len(values), np.inf))
     off = np.sqrt(np.sum(np.abs(rates) ** 2, axis=0))
     moduli = _deviation(np.real(np.conj(values) * rates) / np.abs(values))
     moduli = np.where(off < np.min(apart, axis=1), moduli, np.nan)
-    plain = {name: _deviation(rate) for name, rate in moved.items()}
-    plain |= {"moduli": moduli, "spectral_radius": moduli[0]}
-    return Uncertainty(**plain, source="the coefficients (standard deviations)")
+    others = {name: _deviation(rate) for name, rate in moved.items() if name != "multipliers"}
+    return others | {"moduli": moduli, "spectral_radius": moduli[0]}
 
 
 def _deviation(rates) -> np.ndarray:

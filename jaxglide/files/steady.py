@@ -84,8 +84,8 @@ def steady_dataset(glides: SteadyGlide | Sequence[SteadyGlide]) -> xr.Dataset:
         if glide.found.ndim:
             raise ValueError(f"result is a batch of steady glides of shape {glide.found.shape}")
     records = [to_text({"glider": glide.glider}) for glide in several]
-    if len(set(records)) != 1:
-        said = "of different gliders" if several else "empty"
+    if len({(record, one.averaged) for record, one in zip(records, several, strict=True)}) != 1:
+        said = "of different gliders or models" if several else "empty"
         raise ValueError(f"result = {len(several)} steady glides: it is {said}")
     values = [_values(glide) for glide in several]
     rows = {name: (_ONE, *about) for name, about in _NUMBERS.items()} | _ARRAYS
@@ -97,7 +97,8 @@ def steady_dataset(glides: SteadyGlide | Sequence[SteadyGlide]) -> xr.Dataset:
     data = xr.Dataset(variables, coords=_coordinates(several[0], set(variables)))
     data["reason"].attrs |= outcome_flags({int(one): one.name.lower() for one in Reason})
     first = several[0]
-    settings = {**classes_of(first.glider), "frozen": int(first.frozen), "parts": records[0]}
+    kind = {"frozen": int(first.frozen), "averaged": int(first.averaged)}
+    settings = {**classes_of(first.glider), **kind, "parts": records[0]}
     data = stamp(data, settings, "steady glide")
     return data.isel(glide=0) if isinstance(glides, SteadyGlide) else data
 
@@ -147,14 +148,14 @@ def _glides(data: xr.Dataset) -> tuple[SteadyGlide, ...]:
     if kind != "steady glide":
         raise ValueError("it says no format" if kind is None else f"it is of the kind {kind!r}")
     glider = part_of(from_text(str(data.attrs["parts"])), "glider", Glider)
-    frozen = bool(int(data.attrs["frozen"]))
+    model = {name: bool(int(data.attrs[name])) for name in ("frozen", "averaged")}
     data = checked(data, _STEADY)
     if data.sizes["mode"] != len(COMPONENTS):
         raise ValueError(f"it has {data.sizes['mode']} multipliers, not {len(COMPONENTS)}")
-    return tuple(_glide(data.isel(glide=k), glider, frozen) for k in range(data.sizes["glide"]))
+    return tuple(_glide(data.isel(glide=k), glider, model) for k in range(data.sizes["glide"]))
 
 
-def _glide(data: xr.Dataset, glider: Glider, frozen: bool) -> SteadyGlide:
+def _glide(data: xr.Dataset, glider: Glider, model: dict[str, bool]) -> SteadyGlide:
     found = int(data["reason"]) == Reason.FOUND
     names = (*_NUMBERS, *_COUNTS, "state", "slopes")
     values = {name: data[name].values for name in names}
@@ -168,4 +169,4 @@ def _glide(data: xr.Dataset, glider: Glider, frozen: bool) -> SteadyGlide:
         if found and np.isnan(value).any():
             raise ValueError(f"{name} is not a number, though it says that one was found")
     arrays: dict[str, Any] = {name: jnp.asarray(value) for name, value in values.items()}
-    return SteadyGlide(glider=glider, found=jnp.asarray(found), frozen=frozen, **arrays)
+    return SteadyGlide(glider=glider, found=jnp.asarray(found), **model, **arrays)

@@ -30,7 +30,13 @@ def windy():
     return dataclasses.replace(glide, glider=glider, frozen=True)
 
 
-@pytest.mark.parametrize("make", [made_steady, windy, lambda: made_steady(found=False)])
+def averaged():
+    return dataclasses.replace(made_steady(), averaged=True)
+
+
+@pytest.mark.parametrize(
+    "make", [made_steady, windy, averaged, lambda: made_steady(found=False)]
+)
 def test_one_comes_back_to_the_bit(tmp_path, make):
     first = make()
     again = jaxglide.open(jaxglide.save(first, tmp_path / "it.nc"))
@@ -82,6 +88,7 @@ def other_glider():
     [
         (other_glider, ValueError, "2 steady glides: it is of different gliders"),
         (lambda: (), ValueError, "0 steady glides: it is empty"),
+        (lambda: (made_steady(), averaged()), ValueError, "of different gliders or models"),
         (lambda: (made_steady(), 1.0), TypeError, "result must be of type SteadyGlide"),
         (
             lambda: jax.tree.map(lambda leaf: np.stack([leaf, leaf]), made_steady()),

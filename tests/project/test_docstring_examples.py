@@ -33,11 +33,13 @@ MAIN = (
 )
 LONG = (
     *(
+        "averaged_glide",
         "cache",
         "equilibrium",
         "integrate",
         "optimise",
         "reconstruct",
+        "standard_deviation",
         "steady_glide",
         "steady_sweep",
         "survey",

@@ -31,9 +31,8 @@ class Sections(eqx.Module):
         mass: mass of the element [kg], (n,).
         total_mass: of the body [kg].
         axial_inertia: inertia of the element about the body's own axis [kg m^2], (n,), or None.
-        integral: matrix that integrates along the body a field given at the nodes and
-            removes the mass-weighted mean of the result [m], (n, n); the result at node i
-            is `sum_j field_j integral[j, i]`.
+        unit_integral: `integral` of a body of unit length, (n, n): apart from the length, for
+            then a body that grows does not change it, and its derivatives cost little.
     """
 
     fraction: Nodes
@@ -44,7 +43,14 @@ class Sections(eqx.Module):
     mass: Nodes
     total_mass: Scalar
     axial_inertia: Nodes | None
-    integral: NodesNodes
+    unit_integral: NodesNodes
+
+    @property
+    def integral(self) -> NodesNodes:
+        """Matrix that integrates along the body a field given at the nodes and removes the
+        mass-weighted mean of the result [m], (n, n); the result at node i is
+        `sum_j field_j integral[j, i]`."""
+        return self.length * self.unit_integral
 
 
 class AbstractBody(Part):
@@ -79,7 +85,7 @@ def discretise(body: AbstractBody) -> Sections:
     nodes = np.shape(found.fraction)
     for name in ("fraction", "chord", "area", "mass"):
         check_given(f"{name} of {kind}", getattr(found, name), nodes)
-    check_given(f"integral of {kind}", found.integral, 2 * nodes)
+    check_given(f"unit_integral of {kind}", found.unit_integral, 2 * nodes)
     return found
 
 
@@ -169,7 +175,7 @@ def gauss_nodes(nodes: int, first, second) -> tuple[Array, Array, Array]:
 
 
 def centred(cumulative: Array, share: Array) -> Array:
-    """`Sections.integral` of a body of unit length: integration less the mean by mass.
+    """`Sections.unit_integral`: integration over s/L less the mean by mass.
 
     Args:
         cumulative: cumulative integration matrix of s/L, (n, n).

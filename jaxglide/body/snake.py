@@ -199,7 +199,7 @@ class Snake(AbstractBody):
             mass=self.mass * share,
             total_mass=self.mass,
             axial_inertia=axial,
-            integral=self.length * centred(cumulative, share),
+            unit_integral=centred(cumulative, share),
         )
 
     def _quadrature(self):

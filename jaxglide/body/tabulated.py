@@ -207,7 +207,7 @@ class TabulatedBody(AbstractBody):
             mass=mass,
             total_mass=jnp.sum(mass),
             axial_inertia=axial,
-            integral=length * centred(cumulative, mass / jnp.sum(mass)),
+            unit_integral=centred(cumulative, mass / jnp.sum(mass)),
         )
 
     def _quadrature(self):

@@ -158,7 +158,7 @@ def _moving(time, state, own, flight: Flight):
     for name, angle in zip(wave._fields, wave, strict=True):
         check_given(f"{name} of {type(glider.gait).__name__}", angle, sections.fraction.shape)
     body, *integrated = bent(sections, wave)
-    integrals = Integrals(integrated[0], sections.integral, integrated[1])
+    integrals = Integrals(integrated[0], sections.unit_integral, integrated[1])
     R_BI = rotation_matrix(state[ANGLES])
     velocity_B = jnp.sum(R_BI * state[VELOCITY], axis=1)
     velocity = node_velocity(integrals, velocity_B, state[OMEGA])

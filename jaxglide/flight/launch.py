@@ -19,6 +19,7 @@ from .dynamics import Flight, Glider, with_own_states
 from .ends import ANGLE_LIMIT
 
 _PHASES = 128  # samples of the shape over a period of its waves
+_AT_ONCE = 8  # of them, so that those of a batch fit a core's cache
 _STEPS = 16  # fixed Dopri8 steps over the cycle that sets the attitude
 _MEAN = 200  # times of the cycle over which the attitude is averaged
 
@@ -125,8 +126,8 @@ def launch_velocity(launch: Launch, speed: Scalar) -> Vec3:
 class Cycle(eqx.Module):
     """Inertia over one undulation cycle, as Fourier series in the phase of the waves.
 
-    The shape is periodic in its phase and analytic, so that equally spaced samples, all
-    taken in one batch, give both to round-off at any phase.
+    The shape is periodic in its phase and analytic, so that equally spaced samples give
+    both to round-off at any phase.
 
     Attributes:
         cosines, sines: coefficients of cos(k phase) and sin(k phase), k from 0 to
@@ -154,7 +155,8 @@ class Cycle(eqx.Module):
             tensor = inertia_tensor(sections, body)
             return jnp.concatenate([angular_momentum(sections, body), tensor.ravel()])
 
-        samples = jax.vmap(sample)(2 * jnp.pi / _PHASES * jnp.arange(_PHASES))
+        phases = 2 * jnp.pi / _PHASES * jnp.arange(_PHASES)
+        samples = jax.lax.map(sample, phases, batch_size=_AT_ONCE)
         series = 2 * jnp.fft.rfft(samples, axis=0, norm="forward").T
         series = series.at[:, 0].divide(2).at[:, -1].divide(2)
         return cls(series.real, -series.imag)

@@ -72,7 +72,8 @@ def bent(
         -shrink * cos_t + turn * sin_t,
         cos_p * wave.psi_ddot - sin_p * dp**2,
     ]
-    path = rows_times(integrands, sections.integral)
+    integrands = [sections.length * row for row in integrands]  # over s/L
+    path = rows_times(integrands, sections.unit_integral)
 
     # c = z x t/|z x t| and b = t x c (eqs 14-15) in closed form. Where the body bends past
     # the vertical z x t reverses; the chord is carried on instead, as a body carries it.

@@ -18,6 +18,7 @@ TITLES = {
     "shape space": "Glides of the published shape space",
     "steady glides": "Steady glides of many cases, and their stability",
     "held glides": "Moments of bodies that fall at a held attitude",
+    "steady branch": "A steady glide followed along a number",
     "optimisation": "History of an optimisation",
     "search log": "Evaluations of an optimisation",
     "measured flights": "Measured flights of snakes, and their gaits",

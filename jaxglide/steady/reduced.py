@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.numerics import sincos
-from .._lib.types import Array, Float, Scalar
+from .._lib.types import Array, Float, Scalar, State
 from ..body.sections import Sections
 from ..flight.dynamics import (
     ANGLES,
@@ -154,13 +154,25 @@ def flown(
     return reduce(states[-1]), jnp.concatenate([start[None], states])
 
 
-def flown_with_slopes(
-    reduced: Reduced,
-    duration: Scalar,
-    cycle: ReturnMap,
-    adjoint: diffrax.AbstractAdjoint | None = None,
-) -> tuple[Reduced, Slopes]:
-    """The map P_t with its derivative by the reduced state, (8,) and (8, 8).
+def ended(
+    reduced: Reduced, duration: Scalar, cycle: ReturnMap, adjoint: diffrax.AbstractAdjoint
+) -> State:
+    """The state of flight (see `dynamics`) at the end of a map, without the way there, (13,).
+
+    Args:
+        reduced, duration, cycle, adjoint: as in `flown`.
+    """
+
+    def field(tau, state, flight):
+        return duration * six_degrees_of_freedom(duration * tau, state, flight)
+
+    return _solved(field, embed(reduced), cycle, adjoint)[-1]
+
+
+def ended_with_slopes(
+    reduced: Reduced, duration: Scalar, cycle: ReturnMap, adjoint: diffrax.AbstractAdjoint
+) -> tuple[State, Slopes]:
+    """The same, and the derivative of the map by the reduced state, (13,) and (8, 8).
 
     The variational equations are solved beside the flight's. So the derivative is a plain
     solution, which can be differentiated again in either mode.
@@ -180,10 +192,25 @@ def flown_with_slopes(
         )
         return rate, along
 
-    adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
     tangents = jnp.zeros((SIZE, RIGID), reduced.dtype)
     tangents = tangents.at[jnp.arange(SIZE), jnp.array([3, 4, 5, 6, 7, 8, 10, 11])].set(1.0)
     solved = _solved(field, (embed(reduced), tangents), cycle, adjoint)
     end, along = jax.tree.map(lambda y: y[-1], solved)
     slopes = jax.vmap(lambda d: jax.jvp(reduce, (end,), (d,))[1])(along)
-    return reduce(end), slopes.T
+    return end, slopes.T
+
+
+def flown_with_slopes(
+    reduced: Reduced,
+    duration: Scalar,
+    cycle: ReturnMap,
+    adjoint: diffrax.AbstractAdjoint | None = None,
+) -> tuple[Reduced, Slopes]:
+    """The map P_t with its derivative by the reduced state, (8,) and (8, 8).
+
+    Args:
+        reduced, duration, cycle, adjoint: as in `flown`.
+    """
+    adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
+    end, slopes = ended_with_slopes(reduced, duration, cycle, adjoint)
+    return reduce(end), slopes

@@ -91,7 +91,16 @@ from .shape import (
     Waveform,
     shape_line,
 )
-from .steady import Mode, SteadyGlide, Uncertainty, averaged_glide, steady_glide, steady_glides
+from .steady import (
+    Branch,
+    Mode,
+    SteadyGlide,
+    Uncertainty,
+    averaged_glide,
+    steady_branch,
+    steady_glide,
+    steady_glides,
+)
 from .tunnel import (
     body_polar,
     derivatives,
@@ -120,6 +129,7 @@ __all__ = [
     "AngleLimit",
     "AttitudeLaw",
     "Bending",
+    "Branch",
     "Case",
     "Constraint",
     "Coordinates",
@@ -207,6 +217,7 @@ __all__ = [
     "squared_pitch_moment",
     "stability_margin",
     "standard_deviation",
+    "steady_branch",
     "steady_glide",
     "steady_glide_angle",
     "steady_glides",

@@ -8,7 +8,7 @@ from .closure import Kind, Sought
 from .reduced import Reduced, Slopes
 
 
-def _mean_path(states, period, kind: Kind):
+def mean_path(states, period, kind: Kind):
     """Forward speed, sink rate and rate of turning of the mean path of a cycle.
 
     The places at the starts of cycles lie on a helix about the vertical: an arc longer than
@@ -43,7 +43,7 @@ def figures(
         slopes: derivative of the return map by the scaled state (of a frozen body, of the
             rates), (8, 8).
     """
-    forward, sink, turn = _mean_path(states, posed.period, posed.kind)
+    forward, sink, turn = mean_path(states, posed.period, posed.kind)
     state, multipliers = u * posed.scales(), _spectrum(slopes, posed.kind)
     return {
         "state": state,

@@ -2,12 +2,12 @@
 
 import enum
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import brentq
 
-from .._lib.types import Array, Complex
 from .closure import LEAST_STEPS
 from .pieces import Corrected, Followed, Place, corrected, weights
 from .reduced import MOST_STEPS, SIZE
@@ -17,7 +17,6 @@ FIRST, LONGEST, SHORTEST = 0.01, 0.05, 1e-5
 """Steps along a branch: the first, the longest and the shortest; scaled (see `weights`)."""
 _STRAIGHT = np.cos(np.deg2rad(25))  # between the tangents of neighbours
 _EASY = 3  # iterations of an easy step, after which the next one is longer
-DEBUG = False
 _TRIES = 12  # points tried to find a special one
 
 
@@ -42,7 +41,7 @@ class Here(NamedTuple):
     """
 
     at: Corrected
-    multipliers: Complex[Array, "8"]
+    multipliers: np.ndarray
     kind: str
     steps: int
 
@@ -79,13 +78,13 @@ def steps_in(p: float, followed: Followed, longest: float) -> int:
     if followed.kind.frozen:
         return 1
     parts = followed.pieces * (2 if followed.kind.mirrored else 1)
-    duration = float(followed.at(np.asarray(p, np.asarray(followed.span).dtype))[1])
+    duration = float(followed.at(jnp.asarray(p, followed.span.dtype))[1])
     return int(
         np.clip(np.ceil(duration / longest), np.ceil(LEAST_STEPS / parts), MOST_STEPS - 2)
     )
 
 
-def multipliers_at(found: Corrected, followed: Followed) -> Complex[Array, "8"]:
+def multipliers_at(found: Corrected, followed: Followed) -> np.ndarray:
     """Of the map, the largest first; of a frozen body those of a second."""
     slopes = np.asarray(found.found.slopes)
     if followed.kind.frozen:
@@ -99,7 +98,7 @@ def here(
 ) -> Here | None:
     """The point of the branch across from a guess, or with its number; None if not reached."""
     steps = steps_in(float(guess.p), followed, rules.longest_step)
-    at = corrected(guess, along, np.asarray(held), followed, np.asarray(float(steps)))
+    at = corrected(guess, along, jnp.asarray(held), followed, jnp.asarray(float(steps)))
     if not bool(at.good):
         return None
     return Here(at, multipliers_at(at, followed), "", steps)
@@ -147,7 +146,7 @@ def _special(
         return test(found)
 
     try:
-        root = brentq(value, 0.0, arc, xtol=1e-6 * arc, maxiter=_TRIES, disp=False)
+        root: Any = brentq(value, 0.0, arc, xtol=1e-6 * arc, maxiter=_TRIES, disp=False)
     except (ArithmeticError, ValueError):  # lost on the way, or no change of sign after all
         return None
     nearest = min(tried, key=lambda at: abs(at - root))
@@ -212,17 +211,6 @@ def followed_from(
     last = start if (start.slope > 0) == upwards else _turned(start)
     first, found, arc, gone = last, [], min(FIRST, rules.short), 0.0
     while len(found) < rules.points:
-        if DEBUG:
-            print(
-                "   dbg",
-                len(found),
-                arc,
-                float(last.at.place.p) * float(followed.span),
-                last.steps,
-                int(last.at.iterations),
-                np.abs(last.multipliers[0]),
-                flush=True,
-            )
         if arc < SHORTEST:
             return found, End.SHORT
         step, edge = _up_to_the_edge(last, arc, rules)

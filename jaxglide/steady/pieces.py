@@ -21,7 +21,6 @@ from .reduced import (
     embed,
     ended,
     ended_with_slopes,
-    rates,
     reduce,
 )
 
@@ -121,13 +120,13 @@ def _equilibrium(place: Place, followed: Followed) -> Found:
 
     def rate(u, p):
         flight, _ = followed.at(p)
-        scaled = rates(jnp.zeros_like(p), u * unit, flight) / unit
-        return scaled, scaled
+        state = embed(u * unit)
+        moving = six_degrees_of_freedom(jnp.zeros_like(p), state, flight)
+        scaled = jax.jvp(reduce, (state,), (moving,))[1] / unit
+        return scaled, (scaled, moving)
 
-    slopes, by_p = jax.jacfwd(rate, (0, 1), has_aux=True)(place.u[0], place.p)[0]
-    flight, _ = followed.at(place.p)
-    moving = six_degrees_of_freedom(jnp.zeros_like(place.p), embed(place.u[0] * unit), flight)
-    missed = rate(place.u[0], place.p)[0]
+    both, (missed, moving) = jax.jacfwd(rate, (0, 1), has_aux=True)(place.u[0], place.p)
+    slopes, by_p = both
     return Found(missed[None], slopes[None], by_p[None], moving[None])
 
 

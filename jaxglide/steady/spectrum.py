@@ -2,13 +2,11 @@
 
 import numpy as np
 
-from .._lib.types import Array, Complex, Float
-
 _SWEEPS = 10
 _ROUNDING = 1e-13
 
 
-def multipliers_of(slopes: Float[Array, "k n n"]) -> Complex[Array, " n"]:
+def multipliers_of(slopes: np.ndarray) -> np.ndarray:
     """Eigenvalues of a product of matrices, the largest first, (n,).
 
     Multiplied out, the small ones would drown in the rounding of the large: over a slow cycle
@@ -23,7 +21,7 @@ def multipliers_of(slopes: Float[Array, "k n n"]) -> Complex[Array, " n"]:
     product = np.eye(slopes.shape[-1])
     for _ in range(_SWEEPS):
         start, product = turned, np.eye(slopes.shape[-1])
-        for factor in np.asarray(slopes):
+        for factor in slopes:
             turned, upper = np.linalg.qr(factor @ turned)
             product = upper @ product
     turn = start.T @ turned

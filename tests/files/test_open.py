@@ -15,7 +15,7 @@ import xarray as xr
 from made_steady import made_steady
 
 import jaxglide
-from jaxglide import Gait, Glide, Glider, Launch, Polar, Snake, TakeOff
+from jaxglide import Branch, Gait, Glide, Glider, Launch, Polar, Snake, TakeOff
 from jaxglide._lib.formats import TITLES, kind_of, marked
 from jaxglide.ensemble import records, survey
 from jaxglide.ensemble.steady_records import steady_contents
@@ -144,6 +144,16 @@ def fitted():
     return fits.fitted_dataset(fitter, one)
 
 
+def branch():
+    """Two points of a branch."""
+    arrays = {name: np.arange(2.0) for name in ("parameter", "period", "speed", "glide_angle")}
+    arrays |= {name: np.ones(2) for name in ("forward_speed", "sink_rate", "turn_rate")}
+    arrays |= {"state": np.ones((2, 8)), "states": np.ones((2, 1, 8))}
+    arrays |= {"multipliers": np.full((2, 8), 0.5 + 0.5j), "kinds": np.array(["start", ""])}
+    known = {"name": "f_theta", "unit": "Hz", "found": True, "ends": ("here", "there")}
+    return Branch(**known, frozen=False, mirrored=True, **arrays).dataset()
+
+
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     return tmp_path_factory.mktemp("log") / "search.jsonl"
@@ -169,6 +179,7 @@ def results(tmp_path_factory, log):
         "measured flights": recorded,
         "compared flights": compared(recorded),
         "fit": fitted(),
+        "steady branch": branch(),
     }
 
 

@@ -16,7 +16,7 @@ from ..flight.launch import Launch
 from .branch import Branch
 from .closure import Kind, Sought, orbit
 from .figures import mean_path
-from .follow import LONGEST, End, Here, Rules, followed_from, here
+from .follow import LONGEST, Ending, Here, Rules, followed_from, here
 from .glide import STEP, sought, steady_glide
 from .pieces import Followed, Place
 from .reduced import MOST_STEPS, SAMPLES, SIZE, reduce
@@ -26,11 +26,11 @@ _PIECE = 0.25  # s; longest piece that a map is cut into, if they are not too ma
 _PIECES = 8, 32  # fewest and most; solved at once, eight take half the time of one
 _LOST = "the start leads to no steady glide"
 _WORDS = {
-    End.RANGE: "reaches the end of the range",
-    End.UPENDED: "the nose comes to point straight up or down, where yaw has no meaning",
-    End.SHORT: "the next point is not found, however near",
-    End.MANY: "as many points as were asked for",
-    End.CLOSED: "comes back to where it began",
+    Ending.RANGE: "reaches the end of the range",
+    Ending.UPENDED: "the nose comes to point straight up or down, where yaw has no meaning",
+    Ending.SHORT: "the next point is not found, however near",
+    Ending.MANY: "as many points as were asked for",
+    Ending.CLOSED: "comes back to where it began",
 }
 
 
@@ -206,10 +206,10 @@ def steady_branch(
         return Branch(found=False, ends=(why, why), **known, **_none(followed))
     below, under = followed_from(first, False, followed, rules)
     above, over = [], under
-    if under != End.CLOSED:
+    if under != Ending.CLOSED:
         above, over = followed_from(first, True, followed, rules)
     ends = _WORDS[under], _WORDS[over]
-    if least > low and under == End.RANGE:
+    if least > low and under == Ending.RANGE:
         ends = f"slower waves take more than {MOST_STEPS} steps in a cycle", ends[1]
     found = _arrays([*reversed(below), first._replace(kind="start"), *above], followed)
     return Branch(found=True, ends=ends, **known, **found)

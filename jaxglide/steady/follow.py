@@ -20,7 +20,7 @@ _EASY = 3  # iterations of an easy step, after which the next one is longer
 _TRIES = 12  # points tried to find a special one
 
 
-class End(enum.IntEnum):
+class Ending(enum.IntEnum):
     """Why a branch ends."""
 
     RANGE = 0
@@ -195,7 +195,7 @@ def _turned(one: Here) -> Here:
 
 def followed_from(
     start: Here, upwards: bool, followed: Followed, rules: Rules
-) -> tuple[list[Here], End]:
+) -> tuple[list[Here], Ending]:
     """The points of a branch beyond its start, and why they end.
 
     The secant of two points is not used: the tangent is exact. A step that is not corrected,
@@ -212,10 +212,10 @@ def followed_from(
     first, found, arc, gone = last, [], min(FIRST, rules.short), 0.0
     while len(found) < rules.points:
         if arc < SHORTEST:
-            return found, End.SHORT
+            return found, Ending.SHORT
         step, edge = _up_to_the_edge(last, arc, rules)
         if edge is not None and step == 0:
-            return found, End.RANGE
+            return found, Ending.RANGE
         new = here(_moved(last, step), last.at.tangent, edge is not None, *how)
         if new is not None and edge is None and not rules.low <= new.at.place.p <= rules.high:
             new = None  # past the edge though the guess was not
@@ -223,14 +223,14 @@ def followed_from(
             arc /= 2
             continue
         if _upended(new, followed):
-            return found, End.UPENDED
+            return found, Ending.UPENDED
         found += [*_marked(last, new, step, how), new]
         gone += step
         if edge is not None:
-            return found, End.RANGE
+            return found, Ending.RANGE
         away = _apart(new, first)
         if gone > 4 * arc and _dot(away, away) < arc**2 and _same_way(new, first):
-            return found, End.CLOSED
+            return found, Ending.CLOSED
         last, count = new, int(new.at.iterations)
         arc = min((1.5 if count <= _EASY else 1.0 if count < 6 else 0.7) * arc, rules.short)
-    return found, End.MANY
+    return found, Ending.MANY

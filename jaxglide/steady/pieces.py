@@ -96,7 +96,7 @@ class Place(NamedTuple):
     p: Scalar
 
 
-class Found(NamedTuple):
+class Known(NamedTuple):
     """What is known at a place.
 
     Attributes:
@@ -115,7 +115,7 @@ class Found(NamedTuple):
     ends: Float[Array, "k 13"]
 
 
-def _equilibrium(place: Place, followed: Followed) -> Found:
+def _equilibrium(place: Place, followed: Followed) -> Known:
     unit = followed.unit
 
     def rate(u, p):
@@ -127,10 +127,10 @@ def _equilibrium(place: Place, followed: Followed) -> Found:
 
     both, (missed, moving) = jax.jacfwd(rate, (0, 1), has_aux=True)(place.u[0], place.p)
     slopes, by_p = both
-    return Found(missed[None], slopes[None], by_p[None], moving[None])
+    return Known(missed[None], slopes[None], by_p[None], moving[None])
 
 
-def _pieces(place: Place, followed: Followed, steps: Scalar) -> Found:
+def _pieces(place: Place, followed: Followed, steps: Scalar) -> Known:
     unit, k = followed.unit, followed.pieces
     signs = jnp.ones((k, SIZE), unit.dtype)
     if followed.kind.mirrored:
@@ -153,10 +153,10 @@ def _pieces(place: Place, followed: Followed, steps: Scalar) -> Found:
         return sign * reduce(state) / unit, slopes, sign * by_p / unit, state
 
     arrived, slopes, by_p, ends = jax.vmap(piece)(place.u, gone, signs)
-    return Found(arrived - jnp.roll(place.u, -1, axis=0), slopes, by_p, ends)
+    return Known(arrived - jnp.roll(place.u, -1, axis=0), slopes, by_p, ends)
 
 
-def found_at(place: Place, followed: Followed, steps: Scalar) -> Found:
+def found_at(place: Place, followed: Followed, steps: Scalar) -> Known:
     """By how much a place misses the branch, and the derivatives of that.
 
     Args:
@@ -169,7 +169,7 @@ def found_at(place: Place, followed: Followed, steps: Scalar) -> Found:
     return _pieces(place, followed, steps)
 
 
-def _bordered(found: Found, row: Float[Array, " n"], frozen: bool) -> Float[Array, "n n"]:
+def _bordered(found: Known, row: Float[Array, " n"], frozen: bool) -> Float[Array, "n n"]:
     """Derivative of the miss by all unknowns, and a last row."""
     k, size = found.missed.shape
     blocks = jnp.zeros((k, size, k, size), row.dtype)
@@ -201,7 +201,7 @@ class Corrected(NamedTuple):
     """
 
     place: Place
-    found: Found
+    found: Known
     tangent: Place
     good: Flag
     iterations: Integer

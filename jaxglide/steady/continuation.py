@@ -183,9 +183,9 @@ def steady_branch(
     Examples:
         >>> from jaxglide import Gait, Glider, Polar, Snake, steady_branch
         >>> body = Snake.from_svl(0.70, nodes=40, node_set="gauss")
-        >>> glider = Glider(body, Gait.from_degrees(f_theta=0), Polar.smooth())
-        >>> branch = steady_branch(glider, "d_psi", 5, 15)
-        >>> print(branch.ends)
+        >>> glider = Glider(body, Gait.from_degrees(60, 0, 1.738, 1.3, 5.5), Polar.smooth())
+        >>> branch = steady_branch(glider, "f_theta", 1, 3)
+        >>> print(branch)
     """
     posed = sought(glider, phase, step)
     case, path = _named(posed.glider, name, phase)

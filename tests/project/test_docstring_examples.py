@@ -40,6 +40,7 @@ LONG = (
         "optimise",
         "reconstruct",
         "standard_deviation",
+        "steady_branch",
         "steady_glide",
         "steady_sweep",
         "survey",

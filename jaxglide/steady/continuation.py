@@ -186,6 +186,11 @@ def steady_branch(
         >>> glider = Glider(body, Gait.from_degrees(60, 0, 1.738, 1.3, 5.5), Polar.smooth())
         >>> branch = steady_branch(glider, "f_theta", 1, 3)
         >>> print(branch)
+        Branch of steady glides in f_theta
+          range            1 to 3 Hz
+          points           27, 0 of them stable
+          first point      reaches the end of the range
+          last point       reaches the end of the range
     """
     posed = sought(glider, phase, step)
     case, path = _named(posed.glider, name, phase)

@@ -9,6 +9,7 @@ those observed.
 """
 
 import time
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -20,6 +21,7 @@ from jaxglide.ensemble.published import NU_THETA, THETA_M
 from jaxglide.ensemble.steady import steady_sweep
 from jaxglide.ensemble.study import Study
 from jaxglide.ensemble.sweep import sweep
+from jaxglide.flight.ends import Outcome
 from jaxglide.plot import style
 
 SMOOTH = {"polar": "smooth", "node_set": "gauss"}
@@ -58,8 +60,7 @@ def summary(name: str, data: xr.Dataset) -> tuple:
     radius, angle = data.spectral_radius.values, data.glide_angle.values
     least = np.fmin.reduce(radius, axis=-1)
     flattest = np.nanmin(angle)
-    stable = np.where(radius < 1, angle, np.nan)
-    firm = np.where(radius < 0.95, angle, np.nan)
+    stable, firm = (np.where(radius < bound, angle, np.nan) for bound in (1.0, 0.95))
     return (
         name,
         int(data.found.size),
@@ -108,27 +109,31 @@ def predicted(steady: xr.Dataset, flown: xr.Dataset) -> tuple[list[tuple], dict]
     rows, points = [], {}
     for f_theta, period in ((0.0, 1.0), (1.2, 1 / 1.2)):
         here, flight = steady.sel(f_theta=f_theta), flown.sel(f_theta=f_theta)
-        radius = here.spectral_radius.min("solution")
-        growth = np.log(radius.values) / period
+        growth = np.log(here.spectral_radius.isel(solution=0).values) / period
+        lasting, tumbles = flight.time.values, flight.outcome.values != Outcome.LANDED
         some = np.isfinite(growth)
-        time_, tumbles = flight.time.values, flight.outcome.values != 0
-        points[f_theta] = growth[some], time_[some], tumbles[some]
-        rank = spearmanr(growth[some], time_[some])
-        of_log = spearmanr(np.abs(growth[some]), time_[some])
-        lasting = float(np.median(time_[some]))
-        without = float(np.median(time_[~some])) if (~some).any() else np.nan
-        row = (f_theta, int(some.sum()), int(tumbles.sum()), float(np.nanmedian(growth)))
-        rows.append((*row, lasting, without, float(rank.statistic), float(rank.pvalue)))
-        del of_log
+        stable = growth < 0
+        points[f_theta] = growth[some], lasting[some], tumbles[some]
+        rank: Any = spearmanr(growth[some], lasting[some])
+        row = (f_theta, int(some.sum()), int(stable.sum()), int(tumbles.sum()))
+        row += (int((tumbles & stable).sum()), float(np.nanmedian(growth)))
+        row += tuple(
+            float(np.median(lasting[these])) if these.any() else np.nan
+            for these in (some, stable, ~some)
+        )
+        rows.append((*row, float(rank.statistic), float(rank.pvalue)))
     return rows, points
 
 
 PREDICTED = (
     "f_theta (Hz)",
     "shapes with a steady glide",
-    "of 121 from 75 m tumble",
+    "with a stable one",
+    "tumble from 75 m",
+    "of the stable ones",
     "median growth rate (1/s)",
-    "median time of those with (s)",
+    "median time of those with one (s)",
+    "of the stable ones (s)",
     "of those without (s)",
     "rank correlation of growth and time",
     "p",
@@ -141,13 +146,13 @@ def draw_shapes(steady: xr.Dataset) -> Figure:
     figure = Figure(figsize=(150 / 25.4, 130 / 25.4), dpi=300, layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
     looks = (
-        ("glide_angle", "steepness of the steady glide (deg)", "viridis_r", None),
-        ("growth", "growth of the worst mode (1/s)", "magma_r", None),
+        ("glide_angle", "steepness of the steady glide (deg)", "viridis_r"),
+        ("growth", "growth of the worst mode (1/s)", "magma_r"),
     )
     period = xr.DataArray([1.0, 1 / 1.2], dims="f_theta", coords={"f_theta": [0.0, 1.2]})
     first = steady.isel(solution=0)
     shown = {"glide_angle": first.glide_angle, "growth": np.log(first.spectral_radius) / period}
-    for row, (name, label, colours, _) in zip(axes, looks, strict=True):
+    for row, (name, label, colours) in zip(axes, looks, strict=True):
         low, high = (float(f(shown[name])) for f in (np.nanmin, np.nanmax))
         for ax, f_theta in zip(row, (0.0, 1.2), strict=True):
             values = shown[name].sel(f_theta=f_theta)
@@ -155,7 +160,7 @@ def draw_shapes(steady: xr.Dataset) -> Figure:
                 NU_THETA, THETA_M, values, cmap=colours, vmin=low, vmax=high, rasterized=True
             )
             ax.set_facecolor("#dddddd")
-            if row is axes[0]:
+            if name == "glide_angle":
                 ax.set_title("frozen" if f_theta == 0 else f"{f_theta} Hz")
             else:
                 ax.set_xlabel("nu_theta")
@@ -171,7 +176,7 @@ def draw_gaits(maps: dict[str, xr.Dataset]) -> Figure:
     ax = figure.add_subplot()
     for (name, data), colour in zip(maps.items(), ("#0072B2", "#D55E00"), strict=True):
         radius, angle = data.spectral_radius.values.ravel(), data.glide_angle.values.ravel()
-        ax.scatter(radius, angle, s=6, color=colour, alpha=0.6, lw=0, label=name)
+        ax.scatter(radius, angle, s=6, color=colour, alpha=0.6, lw=0, label=f"{name} ranges")
     ax.axvline(1.0, color="#222222", lw=0.7)
     ax.set_xscale("log")
     ax.set_xlabel("spectral radius per cycle")
@@ -205,21 +210,21 @@ def main() -> None:
     print(f"121 shapes, frozen and undulating: {time.perf_counter() - begin:.0f} s")
     flown = sweep(shapes(height=75.0), options.store("flown"))
     maps = {
-        "wide ranges": steady_sweep(gaits(WIDE, count), options.store(f"wide_{count}")),
-        "ranges observed": steady_sweep(
+        "wide": steady_sweep(gaits(WIDE, count), options.store(f"wide_{count}")),
+        "observed": steady_sweep(
             gaits(OBSERVED, count // 2), options.store(f"observed_{count // 2}")
         ),
     }
     rows = [
         summary("121 shapes, frozen", steady.sel(f_theta=0.0)),
         summary("121 shapes, 1.2 Hz", steady.sel(f_theta=1.2)),
-        *(summary(f"{name}, Sobol set", data) for name, data in maps.items()),
+        *(summary(f"Sobol set, {name}", data) for name, data in maps.items()),
     ]
     write_table(options.out / "maps", HEADER, rows)
     header = ("theta_m", "nu_theta", "d_psi", "psi_m", "f_theta")
     header += ("glide angle (deg)", "speed (m/s)", "sink rate (m/s)", "spectral radius")
     for name, data in maps.items():
-        write_table(options.out / f"stable_{name.split()[0]}", header, stable_rows(data))
+        write_table(options.out / f"stable_{name}", header, stable_rows(data))
     rows, points = predicted(steady, flown)
     write_table(options.out / "predicted", PREDICTED, rows)
     save_dataset(steady, options.out / "shapes.nc")

@@ -8,6 +8,7 @@ when it tumbles? `--size` is the number of gaits in the wide ranges; half as man
 those observed.
 """
 
+import itertools
 import time
 from typing import Any
 
@@ -140,6 +141,28 @@ PREDICTED = (
 )
 
 
+def leaning(name: str, data: xr.Dataset) -> tuple:
+    """Rank correlation of the least growth rate with each variable of the gait."""
+    growth = np.log(data.spectral_radius.isel(solution=0).values) * data.f_theta.values
+    some = np.isfinite(growth)
+    ranks: list[Any] = [spearmanr(data[n].values[some], growth[some]) for n in WIDE]
+    return (name, int(some.sum()), *(float(rank.statistic) for rank in ranks))
+
+
+def by_frequency(data: xr.Dataset, parts: int = 4) -> list[tuple]:
+    """How many glide steadily, and stably, in each part of the range of frequencies."""
+    f_theta, rows = data.f_theta.values, []
+    least = data.spectral_radius.isel(solution=0).values
+    growth = np.log(least) * f_theta
+    edges = np.linspace(*WIDE["f_theta"], parts + 1)
+    for low, high in itertools.pairwise(edges):
+        here = (low <= f_theta) & (f_theta < high)
+        found, stable = (int(x[here].sum()) for x in (data.found.values, least < 1))
+        rows.append((float(low), float(high), int(here.sum()), found, stable))
+        rows[-1] += (float(np.nanmedian(growth[here])),)
+    return rows
+
+
 @style()
 def draw_shapes(steady: xr.Dataset) -> Figure:
     """Glide angle and growth over the shape space, frozen and undulating."""
@@ -225,6 +248,11 @@ def main() -> None:
     header += ("glide angle (deg)", "speed (m/s)", "sink rate (m/s)", "spectral radius")
     for name, data in maps.items():
         write_table(options.out / f"stable_{name}", header, stable_rows(data))
+    rows = [leaning(name, data) for name, data in maps.items()]
+    write_table(options.out / "leaning", ("ranges", "gaits", *WIDE), rows)
+    header = ("from (Hz)", "to (Hz)", "gaits", "with a steady glide", "with a stable one")
+    header += ("median growth rate (1/s)",)
+    write_table(options.out / "by_frequency", header, by_frequency(maps["wide"]))
     rows, points = predicted(steady, flown)
     write_table(options.out / "predicted", PREDICTED, rows)
     save_dataset(steady, options.out / "shapes.nc")

@@ -22,6 +22,7 @@ mass moves along the body.
 
 import json
 import threading
+import warnings
 from collections.abc import Callable
 
 import cma
@@ -42,6 +43,7 @@ NODES = 40
 BOUND, SCALE = 0.95, 0.02
 SEEDS, BUDGET = 10, 1200
 SCREEN, STARTS = 12, 2
+STEPS = 8  # from the best of all, at the end
 REACH = 0.1  # of the ranges, within which a gait's glide is a guess
 COARSE, KNOWN, JUDGED, SLOPED = 0.25, 8.0, 3.5, 16.0
 POPULATION = 8
@@ -358,9 +360,9 @@ WIDER = {
 }
 
 
-def needed(options, points, values, starts: int, steps: int) -> list[tuple]:
+def needed(options, points, values, steps: int) -> list[tuple]:
     """How stable a gait can become, with one range at a time wider than observed."""
-    guesses, works = leaders(points, values, FIRM, starts), []
+    guesses, works = leaders(points, values, FIRM, STARTS), []
     for wider in WIDER.values():
         ranges = {**OBSERVED, **wider}
         extra = np.full((len(guesses), len(ranges) - len(OBSERVED)), CENTRE)
@@ -413,8 +415,9 @@ def draw(found: dict[str, dict[str, list[dict]]], budget: float) -> Figure:
 
 def main() -> None:
     options = arguments(__doc__)
+    warnings.filterwarnings("ignore", "The balance properties of Sobol")
     budget = options.size or BUDGET
-    seeds, steps, starts = (SEEDS, 24, 3) if budget >= BUDGET else (2, 2, 2)
+    seeds, steps = (SEEDS, STEPS) if budget >= BUDGET else (2, 2)
     found: dict[str, dict[str, list[dict]]] = {}
     rows, works, which = [], [], []
     for name, ranges in (("wide", WIDE), ("observed", OBSERVED)):
@@ -429,7 +432,7 @@ def main() -> None:
         rows += table_of(found[name], name, budget)
         points, values = pooled(list(found[name].values()))
         for measure in MEASURES:
-            guesses = leaders(points, values, measure, starts)
+            guesses = leaders(points, values, measure, STARTS)
             works.append(refined(ranges, measure, guesses, steps))
             which.append((name, measure))
     write_table(options.out / "searches", HEADER, rows)
@@ -449,7 +452,7 @@ def main() -> None:
     write_table(options.out / "optima", header, best)
     header = ("ranges", "least radius", "its glide angle (deg)", *OBSERVED, "mass at")
     points, values = pooled(list(found["observed"].values()))
-    rows = needed(options, points, values, starts, steps // 2)
+    rows = needed(options, points, values, steps)
     write_table(options.out / "needed", header, rows)
 
 

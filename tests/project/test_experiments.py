@@ -88,7 +88,7 @@ def test_every_script_and_picture_is_there():
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
     pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
-    assert len(pictures) == 17
+    assert len(pictures) == 20
     for path in pictures:
         assert (FINDINGS / path).exists(), path
 
@@ -139,6 +139,33 @@ def test_pictures_of_the_gallery_have_few_colours_only_where_it_does_not_show(
 
 
 # At full size
+
+
+@slow
+def test_steady_map(run):
+    found = run("jaxglide figure steady-map")
+    for row, cells in zip(found["maps"], table(PAGE, "map"), strict=True):
+        values = list(row.values())
+        assert cells[0] == values[0]
+        for cell, value in zip(cells[1:], [*values[1:3], *values[4:9]], strict=True):
+            agree(cell, *([] if value is None else [value]), share=SEARCHES)
+    for row, cells in zip(found["by_frequency"], table(PAGE, "from"), strict=True):
+        agree(" ".join(cells), *row.values(), share=SEARCHES)
+    wide, _ = found["leaning"]
+    said = sentence(PAGE, r"By rank correlation (.+?) counts for nothing, −0.05")  # noqa: RUF001
+    names = "d_psi", "f_theta", "nu_theta", "theta_m"
+    agree(said, *(wide[name] for name in names))
+    for row, cells in zip(found["predicted"], table(PAGE, "shapes"), strict=True):
+        values = list(row.values())
+        agree(" ".join(cells[1:5]), *values[1:5], share=SEARCHES)
+        agree(cells[7], values[-2], share=SEARCHES)
+
+
+@for_hours
+@slow
+def test_steady_optimum(run):
+    found = run("jaxglide figure steady-optimum")
+    assert {row["search"] for row in found["searches"]} == {"gradients", "CMA-ES", "Sobol set"}
 
 
 @slow

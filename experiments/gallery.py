@@ -30,6 +30,8 @@ DATA = (
     "jaxglide sweep --vary nu_theta=1:1.5:6 --vary d_psi=-20:20:9 --vary psi_m=0:40:5 "
     "--save space.nc",
     "jaxglide optimise --starts 16 --steps 30 --screen 128 --save search.nc",
+    "jaxglide steady --theta-m 60 --psi-m 0 --nu-theta 1.738 --f-theta 1.3 --d-psi 5.5 "
+    "--save steady.nc",
 )
 PICTURES = {
     "overview": "jaxglide plot glide.nc --out overview.png",
@@ -46,6 +48,8 @@ PICTURES = {
     "trim": "jaxglide trim --nu-theta 1.2 --plot trim.png",
     "search": "jaxglide plot search.nc --out search.png",
     "paths": "jaxglide plot search.nc --x nu_theta --y theta_m --out paths.png",
+    "steady": "jaxglide plot steady.nc --out steady.png",
+    "multipliers": "jaxglide plot steady.nc --variable spectrum --out multipliers.png",
     "figure_s7": "jaxglide figure s7 --out .",
 }
 

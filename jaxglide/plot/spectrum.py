@@ -1,7 +1,7 @@
 """Picture of what becomes of small changes: multipliers beside the unit circle."""
 
 from collections.abc import Iterable, Sequence
-from textwrap import fill
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,8 @@ _COLOURS = (YAW, PITCH, ROLL, "#CC79A7", "#56B4E9", "#E69F00", INK)
 _MARKS = ("o", "s", "^", "D", "v", "P", "X")
 _LEFT, _BOTTOM, _SIDE, _TOP = 11.0, 9.0, 39.0, 2.5  # of the axes [mm]
 _LINE = 3.6  # of a legend [mm]
-_INDENT = 11 * " "  # as wide as a multiplier
+_INDENT = 12 * " "  # as wide as a multiplier
+_WIDEST = 18  # characters of a name in a line
 _WORDS = {
     "v_right": "sideslip",
     "v_forward": "forward speed",
@@ -82,7 +83,7 @@ def _said(mode: Mode) -> str:
     name = mode.name or f"mostly {_WORDS.get(leading, leading)}"
     size = abs(mode.multiplier)
     said = f"{size:.{3 if size < 1 else 2}f}" if size >= 1e-3 else "<0.001"
-    return fill(f"{said}   {name}", 25, subsequent_indent=_INDENT)
+    return f"{said}   " + f"\n{_INDENT}".join(wrap(name, _WIDEST))
 
 
 def _glides(

@@ -12,15 +12,18 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 
+import diffrax
 import equinox as eqx
 import numpy as np
 import pytest
+from made_steady import made_steady
 from PIL import Image
 
 from jaxglide import Gait, Glider, Launch, Outcome, Snake, cli, reconstruct, simulate
+from jaxglide.steady.repeat import repeated
 from jaxglide.view import Page, Scene, animate, still, view
 from jaxglide.view._picture import Picture
-from jaxglide.view.scene import scale_of
+from jaxglide.view.scene import scale_of, title_of
 from places import ROOT
 
 NODES, SVL, RATE = 70, 0.7, 60
@@ -70,6 +73,24 @@ def test_frames_run_from_launch_to_the_end(scene, glide):
     assert np.allclose(scene.angles[0], [0, -5, -5])
     assert np.allclose(scene.angles[-1], np.rad2deg(glide.end_angles), atol=1e-4)
     assert scene.ended == "landed"
+
+
+def test_a_piece_of_flight_is_seen_from_its_start():
+    """Five whole cycles later it looks the same."""
+    flown = repeated(made_steady(), 2)
+    later = 5 * made_steady().period
+    path = diffrax.LinearInterpolation(flown.interpolation.ts + later, flown.interpolation.ys)
+    times = {"start_time": flown.start_time + later, "time": flown.time + later}
+    one, other = Scene.of(flown), Scene.of(replace(flown, interpolation=path, **times))
+    assert other.times[0] == 0
+    np.testing.assert_allclose(other.times, one.times, atol=1e-12)
+    for name in ("centre", "nodes", "lift", "drag"):
+        found, wanted = getattr(other, name), getattr(one, name)
+        np.testing.assert_allclose(found, wanted, atol=1e-9, err_msg=name)
+    assert np.ptp(one.nodes[:, :, 1]) > 10
+    assert title_of([flown, replace(flown, start=flown.start.at[2].set(7.25))], None) == (
+        "2 glides from 0 m and 7.25 m"
+    )
 
 
 def test_body_is_as_long_as_the_snake(scene):

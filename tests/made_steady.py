@@ -5,7 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglide import Gait, Glider, Polar, Snake, SteadyGlide
+from jaxglide import Branch, Gait, Glider, Polar, Snake, SteadyGlide
 from jaxglide.steady import Reason
 from jaxglide.steady.reduced import SAMPLES, reduce
 
@@ -84,3 +84,20 @@ def made_steady(turn_rate=0.0, radius=0.9, found=True, **changes):
     }
     fields: dict[str, Any] = {"glider": glider, "frozen": False} | arrays | counts | changes
     return SteadyGlide(**fields)
+
+
+def made_branch(count=61):
+    """A branch in f_theta that folds back, stable up to a third of the way."""
+    along = np.linspace(0, 1, count)
+    value, radius = 0.5 + 4 * along * (1 - along), 0.7 + 0.9 * along
+    kinds = np.full(count, "", "<U5")
+    kinds[count // 4], kinds[np.argmax(value)] = "start", "fold"
+    kinds[np.argmin(np.abs(radius - 1))] = "pair"
+    multipliers = np.zeros((count, 8), complex)
+    multipliers[:, 0] = radius
+    arrays = {name: np.full(count, 2.0) for name in ("speed", "forward_speed", "sink_rate")}
+    arrays |= {"parameter": value, "period": 1 / value, "turn_rate": 0 * value}
+    arrays |= {"glide_angle": np.deg2rad(25 + 30 * along), "multipliers": multipliers}
+    arrays |= {"state": np.ones((count, 8)), "states": np.ones((count, 1, 8)), "kinds": kinds}
+    known = {"name": "f_theta", "unit": "Hz", "found": True, "ends": ("here", "there")}
+    return Branch(**known, frozen=False, mirrored=True, **arrays)

@@ -8,6 +8,7 @@ from .._lib.defaults import GRADIENT_SETUP
 from .._lib.fields import Parameter
 from ._case import add_glider, add_number, case_of
 from ._options import (
+    UsageError,
     add_output,
     announce,
     drawn_files,
@@ -30,7 +31,7 @@ def add(new) -> None:
     steady = new(
         description="Find the flight that repeats itself cycle after cycle, which a gait would "
         "settle into, and say what becomes of small changes in it. A gait may have several; "
-        "without --all the first that is found is told.",
+        "without --all the first that is found is told, and with --continue followed.",
         epilog="Exit code: 0 for a steady glide, stable or not; 1 if none was found; 2 for "
         "wrong input.",
     )
@@ -38,6 +39,8 @@ def add(new) -> None:
     group = steady.add_argument_group("search")
     text = "every one that is found, the shallowest first; there may be more"
     group.add_argument("--all", action="store_true", help=text)
+    text = "follow it along a parameter instead, past folds, and tell where it is stable"
+    group.add_argument("--continue", dest="along", metavar="NAME=LOW:HIGH", help=text)
     add_number(group, "starts", _STARTS, told="4, with --all 16", kind=whole)
     add_number(group, "step", _STEP, told="1/300")
     output = add_output(steady, endings=("", "_spectrum"))
@@ -56,7 +59,71 @@ def _found(args) -> list:
     return list(steady_glides(glider, **given)) if args.all else [steady_glide(glider, **given)]
 
 
+def _range(text: str) -> tuple[str, float, float]:
+    """Name and range of NAME=LOW:HIGH."""
+    name, _, ends = text.partition("=")
+    try:
+        low, high = map(float, ends.split(":"))
+    except ValueError:
+        raise UsageError(f"--continue {text!r} is not NAME=LOW:HIGH") from None
+    return name, low, high
+
+
+def _follow(args) -> int:
+    """A branch: its report, its diagram, its file."""
+    alone = "--continue follows one steady glide"
+    if args.all:
+        raise UsageError(f"--all does not apply: {alone}")
+    refuse(args, ("starts", "view", "cycles"), alone)
+    name, low, high = _range(args.along)
+    from ..steady import steady_branch
+
+    given = {"step": args.step} if "step" in args.given else {}
+    found = steady_branch(case_of(args).glider, name, low, high, **given)
+
+    def figure():
+        from ..plot import branch
+
+        return branch(found)
+
+    if found.found:
+        write(found.dataset, figure, args)
+    result = _listed(found)
+    if args.json:
+        print_json(result)
+    else:
+        print(found)
+    return missing(result) if found.found else _none(args)
+
+
+def _listed(found) -> dict[str, Any]:
+    """What `--json` prints of a branch."""
+    import numpy as np
+
+    return {
+        "parameter": found.name,
+        "unit": found.unit,
+        "found": bool(found.found),
+        "ends": list(found.ends),
+        "value": found.parameter.tolist(),
+        "glide_angle_deg": np.rad2deg(found.glide_angle).tolist(),
+        "sink_rate": found.sink_rate.tolist(),
+        "turn_rate_deg_per_s": np.rad2deg(found.turn_rate).tolist(),
+        "spectral_radius": found.spectral_radius.tolist(),
+        "kind": found.kinds.tolist(),
+    }
+
+
+def _none(args) -> int:
+    """Say that none was found; the exit code."""
+    nothing = ": no file was written" if args.save or args.plot or args.view else ""
+    print(f"jaxglide: no steady glide was found{nothing}", file=sys.stderr)
+    return 1
+
+
 def _run(args) -> int:
+    if args.along is not None:
+        return _follow(args)
     if args.plot is None and args.view is None:
         refuse(args, ("cycles",), "nothing is drawn without --plot or --view")
     tried = _found(args)
@@ -70,12 +137,7 @@ def _run(args) -> int:
         print_json(result)
     elif tried:
         print("\n\n".join(map(str, tried)))
-    if not glides:
-        asked = args.save or args.plot or args.view
-        nothing = ": no file was written" if asked else ""
-        print(f"jaxglide: no steady glide was found{nothing}", file=sys.stderr)
-        return 1
-    return missing(result)
+    return missing(result) if glides else _none(args)
 
 
 def _write(glides: list, args) -> None:

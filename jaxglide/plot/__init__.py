@@ -9,6 +9,7 @@ from ._style import style
 from .atlas import stable_atlas
 from .bending import bending_grid
 from .body import bent_bodies, body_shape, body_view
+from .branch import branch
 from .coefficients import force_coefficients, glide_polar_figure, morphology
 from .compare import before_and_after
 from .flights import distances, every_flight, measured_and_simulated
@@ -45,6 +46,7 @@ __all__ = [
     "bent_bodies",
     "body_shape",
     "body_view",
+    "branch",
     "case_scatter",
     "convergence",
     "curve",

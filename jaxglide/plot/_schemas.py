@@ -22,6 +22,17 @@ MEASURED = Schema(
 )
 """Of `measured.measured_gaits`."""
 
+BRANCH = Schema(
+    "a branch's variables",
+    {
+        "glide_angle": Variable(("point",), "rad"),
+        "spectral_radius": Variable(("point",), "", 0.0),
+        "kind": Variable(("point",), None),
+    },
+    sizes={"point": 1_000_000},
+)
+"""Of `branch.branch`, beside the parameter, which has a unit of its own."""
+
 COMPARED = Schema(
     "the compared flights",
     {

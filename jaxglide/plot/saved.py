@@ -19,6 +19,7 @@ from ._schemas import COMPARED, MEASURED
 from .atlas import stable_atlas
 from .bending import bending_grid
 from .body import bent_bodies, body_shape
+from .branch import branch
 from .flights import measured_and_simulated
 from .forces import along_body_map, forces
 from .glide import angles, side_view
@@ -87,6 +88,7 @@ def draw(
         "glide": _glide,
         "trajectory": _glide,
         "steady glide": _steady,
+        "steady branch": _branch,
         "optimisation": _optimisation,
         "held glides": _held,
         "measured flights": _measured,
@@ -127,6 +129,12 @@ def _steady(data: xr.Dataset, wanted: Wanted) -> Drawing:
         return _alone(spectrum(found), "multipliers and the unit circle")
     one = found[0] if isinstance(found, tuple) else found
     return Drawing(steady(one), "two cycles of the steady glide")
+
+
+def _branch(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    if wanted.nothing:
+        return Drawing(branch(data), "the branch, and where it is stable")
+    return _variable(data, wanted)
 
 
 _SHAPES = ("theta", "psi", "waves", "body", "bends")

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from made_steady import made_steady
+from made_steady import made_branch, made_steady
 
 import jaxglide as jg
 from command import run
@@ -14,7 +14,11 @@ from command import run
 @pytest.fixture
 def asked(monkeypatch):
     """What the command asks the library for, and what that gives back."""
-    told = {"one": made_steady(), "all": (made_steady(), made_steady(0.5, 1.4))}
+    told = {
+        "branch": made_branch(),
+        "one": made_steady(),
+        "all": (made_steady(), made_steady(0.5, 1.4)),
+    }
 
     def one(glider, **options):
         told.update(glider=glider, options=options)
@@ -24,6 +28,11 @@ def asked(monkeypatch):
         told.update(glider=glider, options=options)
         return told["all"]
 
+    def branch(glider, *place, **options):
+        told.update(glider=glider, place=place, options=options)
+        return told["branch"]
+
+    monkeypatch.setattr("jaxglide.steady.steady_branch", branch)
     monkeypatch.setattr("jaxglide.steady.steady_glide", one)
     monkeypatch.setattr("jaxglide.steady.steady_glides", every)
     return told
@@ -84,6 +93,30 @@ def test_json_is_one_object(capsys, asked):
     assert every[1]["turn_radius"] == pytest.approx(16.0)
 
 
+def test_a_branch_is_followed_drawn_and_kept(capsys, asked, tmp_path):
+    save, plot = tmp_path / "b.nc", tmp_path / "b.png"
+    words = ("steady", "--continue", "f_theta=0:3.5", "--d-psi", "4", "--step", "0.002")
+    code, out, err = run(capsys, *words, "--save", str(save), "--plot", str(plot))
+    assert (code, err) == (0, "")
+    assert asked["place"] == ("f_theta", 0.0, 3.5)
+    assert asked["options"] == {"step": 0.002}
+    assert np.rad2deg(float(asked["glider"].gait.d_psi)) == pytest.approx(4)
+    assert str(asked["branch"]) in out
+    assert plot.stat().st_size > 5_000
+    kept = jg.open(save)
+    np.testing.assert_array_equal(kept["parameter"], asked["branch"].parameter)
+    code, out, err = run(capsys, *words, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["spectral_radius"] == asked["branch"].spectral_radius.tolist()
+    assert found["kind"].count("fold") == 1
+    asked["branch"] = dataclasses.replace(made_branch(), found=False)
+    code, out, err = run(capsys, *words, "--save", str(tmp_path / "none.nc"))
+    assert (code, err) == (1, "jaxglide: no steady glide was found: no file was written\n")
+    assert out.startswith("No branch in f_theta")
+    assert not (tmp_path / "none.nc").exists()
+
+
 @pytest.mark.parametrize("every", [False, True])
 def test_none_found_exits_with_1_and_writes_nothing(capsys, asked, tmp_path, every):
     asked.update({"one": made_steady(found=False), "all": ()})
@@ -116,6 +149,12 @@ def test_none_found_exits_with_1_and_writes_nothing(capsys, asked, tmp_path, eve
         (["--view=no/a.html"], "cannot write no/a.html: there is no folder no"),
         (["--plot=a.txt"], "--plot a.txt: the name must end in .png or .pdf or .svg"),
         (["--svl=0.8", "--body=none.csv"], "none.csv"),
+        (["--continue=f_theta"], "--continue 'f_theta' is not NAME=LOW:HIGH"),
+        (["--continue=f_theta=1:2:3"], "is not NAME=LOW:HIGH"),
+        (["--continue=f_theta=a:b"], "is not NAME=LOW:HIGH"),
+        (["--continue=f_theta=0:3", "--all"], "--all does not apply: --continue follows one"),
+        (["--continue=f_theta=0:3", "--starts=3"], "--starts does not apply"),
+        (["--continue=f_theta=0:3", "--view=a.html"], "--view does not apply"),
     ],
 )
 def test_mistakes_are_named_before_the_work(capsys, asked, arguments, message):

@@ -1,8 +1,10 @@
 """Pictures of steady glides: helix, angles and multipliers are where they should be."""
 
+import dataclasses
+
 import numpy as np
 import pytest
-from made_steady import FORWARD, SINK, made_steady, on_the_way
+from made_steady import FORWARD, SINK, made_branch, made_steady, on_the_way
 from matplotlib.patches import Circle
 from test_plot import check_page, drawn
 
@@ -124,3 +126,65 @@ def test_a_saved_one_is_drawn_as_the_glide_itself(helix):
     assert len(words(draw((helix, helix), "spectrum").figure.axes[0])) == 2
     velocity = draw(steady_dataset(helix), "velocity", at={"axis": "z"}).figure.axes[0]
     np.testing.assert_allclose(velocity.lines[0].get_ydata(), -SINK)
+
+
+# Branches
+
+
+def test_a_branch_is_solid_where_it_is_stable_and_dashed_where_not():
+    branch = made_branch()
+    figure = plot.branch(branch)
+    angles, radii = figure.axes
+    for ax, values in (
+        (angles, np.rad2deg(branch.glide_angle)),
+        (radii, branch.spectral_radius),
+    ):
+        solid, dashed = (drawn(ax, name) for name in ("stable", "unstable"))
+        last = int(branch.stable.sum()) - 1
+        wanted = np.column_stack([branch.parameter, values])
+        np.testing.assert_array_equal(solid, wanted[: last + 1])
+        np.testing.assert_array_equal(dashed, wanted[last:])
+        styles = {line.get_label(): line.get_linestyle() for line in ax.lines}
+        assert (styles["stable"], styles["unstable"]) == ("-", "--")
+        for kind in ("fold", "pair", "start"):
+            np.testing.assert_array_equal(drawn(ax, kind), wanted[branch.kinds == kind])
+    assert radii.get_xlabel() == r"$f_\theta$ (Hz)"
+    said = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert said == ["stable", "unstable", "fold", "starts to swing", "start"]
+    check_page(figure)
+
+
+def test_a_branch_of_many_radii_is_drawn_on_a_logarithmic_scale():
+    branch = made_branch()
+    branch.multipliers[:, 0] **= 6
+    assert plot.branch(branch).axes[1].get_yscale() == "log"
+    assert plot.branch(made_branch()).axes[1].get_yscale() == "linear"
+
+
+def test_a_saved_branch_is_drawn_as_the_branch_itself():
+    data = made_branch().dataset()
+    drawing = draw(data)
+    assert drawing.said == "the branch, and where it is stable"
+    ours, theirs = drawing.figure.axes[0], plot.branch(made_branch()).axes[0]
+    np.testing.assert_array_equal(drawn(ours, "unstable"), drawn(theirs, "unstable"))
+    assert draw(data, "speed").said == "speed over point"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: data.drop_vars("spectral_radius"), "have no variable 'spectral_radius'"),
+        (lambda data: data.drop_vars("parameter"), "have no variable 'parameter'"),
+        (lambda data: data.isel(point=slice(0)), "have 0 entries over 'point'"),
+        (lambda data: data.assign(spectral_radius=-data.spectral_radius), "is not allowed"),
+        (lambda data: data.assign(kind=data.spectral_radius), "where names are needed"),
+    ],
+)
+def test_what_is_no_branch_is_refused(change, said):
+    with pytest.raises(ValueError, match=said):
+        plot.branch(change(made_branch().dataset()))
+
+
+def test_no_branch_says_why():
+    with pytest.raises(ValueError, match="there is no branch to draw: here"):
+        plot.branch(dataclasses.replace(made_branch(), found=False))

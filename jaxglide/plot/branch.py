@@ -101,11 +101,8 @@ def _legend(data: xr.Dataset) -> list[Line2D]:
     stable = data["spectral_radius"].values < 1
     runs = {kind for *_, kind in _runs(stable)} or {bool(stable[0])}
     lines = [(True, _STABLE, "stable"), (False, _UNSTABLE, "unstable")]
-    found = [
-        Line2D([], [], color=YAW, label=name, **look)
-        for kind, look, name in lines
-        if kind in runs
-    ]
+    shown = [(look, name) for kind, look, name in lines if kind in runs]
+    found = [Line2D([], [], color=YAW, label=name, **look) for look, name in shown]
     kinds = set(data["kind"].values.astype(str))
     for kind, (mark, colour, said) in _KINDS.items():
         if kind in kinds:

@@ -1,5 +1,6 @@
 """`jaxglide steady`: what it prints, writes and refuses."""
 
+import dataclasses
 import json
 import re
 
@@ -14,11 +15,8 @@ from command import run
 @pytest.fixture
 def asked(monkeypatch):
     """What the command asks the library for, and what that gives back."""
-    told = {
-        "branch": made_branch(),
-        "one": made_steady(),
-        "all": (made_steady(), made_steady(0.5, 1.4)),
-    }
+    told = {"branch": made_branch(), "one": made_steady()}
+    told["all"] = told["one"], made_steady(0.5, 1.4)
 
     def one(glider, **options):
         told.update(glider=glider, options=options)

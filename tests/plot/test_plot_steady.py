@@ -135,10 +135,8 @@ def test_a_branch_is_solid_where_it_is_stable_and_dashed_where_not():
     branch = made_branch()
     figure = plot.branch(branch)
     angles, radii = figure.axes
-    for ax, values in (
-        (angles, np.rad2deg(branch.glide_angle)),
-        (radii, branch.spectral_radius),
-    ):
+    both = (angles, np.rad2deg(branch.glide_angle)), (radii, branch.spectral_radius)
+    for ax, values in both:
         solid, dashed = (drawn(ax, name) for name in ("stable", "unstable"))
         last = int(branch.stable.sum()) - 1
         wanted = np.column_stack([branch.parameter, values])

@@ -50,6 +50,8 @@ PICTURES = {
     "paths": "jaxglide plot search.nc --x nu_theta --y theta_m --out paths.png",
     "steady": "jaxglide plot steady.nc --out steady.png",
     "multipliers": "jaxglide plot steady.nc --variable spectrum --out multipliers.png",
+    "branch": "jaxglide steady --theta-m 60 --psi-m 0 --nu-theta 1.738 --f-theta 1.3 "
+    "--d-psi 5.5 --nodes 40 --continue f_theta=0.8:3 --plot branch.png",
     "figure_s7": "jaxglide figure s7 --out .",
 }
 

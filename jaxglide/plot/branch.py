@@ -1,6 +1,7 @@
 """Picture of a steady glide followed along a number: how steep it is, and where it stays."""
 
 from itertools import groupby, pairwise
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,7 +15,8 @@ from ._labels import parameter_label, plain
 from ._schemas import BRANCH
 from ._style import FAINT, INK, PITCH, ROLL, YAW, new_figure, style
 
-_STABLE, _UNSTABLE = {"ls": "-"}, {"ls": (0, (3, 1.5))}
+_STABLE: dict[str, Any] = {"ls": "-"}
+_UNSTABLE: dict[str, Any] = {"ls": (0, (3, 1.5))}
 _KINDS = {  # of special points: mark, colour, in words
     "fold": ("D", PITCH, "fold"),
     "+1": ("^", ROLL, "others branch off"),

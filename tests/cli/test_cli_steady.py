@@ -196,4 +196,4 @@ def test_the_gait_that_glides_far_from_end_to_end(capsys, tmp_path):
     assert float(angle[1]) == pytest.approx(22.95, abs=0.1)
     assert "spiral" in out
     assert view.stat().st_size > 500_000
-    assert "22.9° down" in view.read_text()
+    assert r'"label": "22.9\u00b0 down"' in view.read_text()

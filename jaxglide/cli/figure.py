@@ -23,6 +23,7 @@ _FIGURES = {
     "measured-flights": "measured_flights.py",
     "fit-forces": "fit_forces.py",
     "gallery": "gallery.py",
+    "steady-certainty": "steady_certainty.py",
     "validation": "validation.py",
 }
 

@@ -88,7 +88,7 @@ def test_every_script_and_picture_is_there():
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
     pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
-    assert len(pictures) == 20
+    assert len(pictures) == 22
     for path in pictures:
         assert (FINDINGS / path).exists(), path
 
@@ -214,6 +214,26 @@ def test_figure_6(run):
     agree(said, above["pitch"], 55)
     agree(sentence(PAGE, r"the inertial roll moment in (\d+)"), above["roll"])
     assert min(record["least"] for record in records if record["about"] == "yaw") > 1.33
+
+
+@slow
+def test_steady_certainty(run):
+    found = run("jaxglide figure steady-certainty")
+    page = (FINDINGS / "steady_certainty.md").read_text()
+    for row, record in zip(table(page, "gait"), found["steady_certainty"], strict=True):
+        numbers = [value for value in list(record.values())[2:] if value is not None]
+        agree(" / ".join(row[2 : 2 + len(numbers)]), *numbers, share=SEARCHES)
+    for row, record in zip(table(page, "polar"), found["steady_nodes"], strict=True):
+        agree(" / ".join(row[2:]), *list(record.values())[2:], share=SEARCHES)
+    middle = {(r["gait"], round(r["frequency (Hz)"], 1)): r for r in found["steady_averaged"]}
+    rows = page.split("| gait | frequency |")[1].splitlines()[2:12]
+    for gait, frequency, *said in (
+        [c.strip() for c in row.strip("| ").split("|")] for row in rows
+    ):
+        record = middle[gait, float(frequency.removesuffix(" Hz"))]
+        for text, value in zip(said, list(record.values())[2:], strict=True):
+            if text != "none":
+                agree(text, value, share=SEARCHES)
 
 
 @slow

@@ -72,7 +72,7 @@ def extended_tables() -> tuple[np.ndarray, np.ndarray]:
 BELOW = np.arange(-90.0, -10.0, 5.0)
 """Angles of attack below the table [deg], (16,)."""
 SIGN = {"lift": -1.0, "drag": 1.0}
-"""Of what a section has behind: C(180 - beta) = sign C(beta)."""
+"""Sign behind the section, in C(180 - beta) = sign C(beta)."""
 
 
 def faded_tables() -> tuple[np.ndarray, np.ndarray]:

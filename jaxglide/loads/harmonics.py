@@ -20,8 +20,8 @@ FEWEST_HARMONICS, MOST_HARMONICS = 2, 24
 """With fewer drag falls below 0; with more, too few residuals are left from which the errors
 could be known."""
 MADE_UP = 0.1
-"""Weight of a value where nothing was measured: its standard deviation is 3.2 times that of
-a measured one."""
+"""Weight of a value where nothing was measured, whose standard deviation is then 3.2 times
+that of a measured one."""
 
 _ANGLES = np.concatenate([BELOW, ALPHA])  # deg
 _LOW, _HIGH = MEASURED_ANGLES

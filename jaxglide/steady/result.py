@@ -204,7 +204,10 @@ class SteadyGlide(eqx.Module, Reported):
             return Report(f"{found.size} steady glides", rows)
         if not bool(self.found):
             return Report(f"No steady glide: {self.why}", (("residual", _e(self.residual)),))
-        return Report(_title(self), _rows(self))
+        return Report(_title(self), _rows(self), () if self.averaged else (_HOW_SURE,))
+
+
+_HOW_SURE = "how sure: .uncertainty (coefficients) and .discretisation (nodes and steps)"
 
 
 def _e(value) -> str:

@@ -123,6 +123,7 @@ def test_the_report(glide):
     assert said.startswith(f"Steady glide, {angle:.2f} deg below the horizontal: unstable")
     assert f"spectral radius  {float(glide.spectral_radius):.4f} a cycle" in said
     assert said.count("\n  mode ") == 8
+    assert "how sure: .uncertainty" in said
     assert "<b>Steady glide" in glide._repr_html_()
 
 

@@ -149,6 +149,30 @@ def leaning(name: str, data: xr.Dataset) -> tuple:
     return (name, int(some.sum()), *(float(rank.statistic) for rank in ranks))
 
 
+PARTS = {
+    "theta_m": (40, 80, 120, 140),
+    "nu_theta": (0.8, 1.0, 1.5, 2.2),
+    "f_theta": (0.6, 1.0, 1.7, 3.0),
+    "d_psi": (-20, 0, 20, 30),
+    "psi_m": (0, 15, 30, 45),
+}
+SHALLOW = 45.0  # degrees
+
+
+def by_part(data: xr.Dataset) -> list[tuple]:
+    """How many gaits have a stable steady glide, and a stable shallow one, in parts of each
+    range: of the first three below, within and above what is observed."""
+    stable = data.spectral_radius < 1
+    shallow = (stable & (data.glide_angle < SHALLOW)).any("solution").values
+    stable, rows = stable.any("solution").values, []
+    for name, edges in PARTS.items():
+        for low, high in itertools.pairwise(edges):
+            here = (low <= data[name].values) & (data[name].values < high)
+            counts = (int(x[here].sum()) for x in (stable, shallow))
+            rows.append((name, float(low), float(high), int(here.sum()), *counts))
+    return rows
+
+
 def by_frequency(data: xr.Dataset, parts: int = 4) -> list[tuple]:
     """How many glide steadily, and stably, in each part of the range of frequencies."""
     f_theta, rows = data.f_theta.values, []
@@ -253,6 +277,8 @@ def main() -> None:
     header = ("from (Hz)", "to (Hz)", "gaits", "with a steady glide", "with a stable one")
     header += ("median growth rate (1/s)",)
     write_table(options.out / "by_frequency", header, by_frequency(maps["wide"]))
+    header = ("variable", "low", "high", "gaits", "with a stable one", "below 45 deg")
+    write_table(options.out / "by_part", header, by_part(maps["wide"]))
     rows, points = predicted(steady, flown)
     write_table(options.out / "predicted", PREDICTED, rows)
     save_dataset(steady, options.out / "shapes.nc")

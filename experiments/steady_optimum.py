@@ -16,10 +16,12 @@ a gait cost 8 of them, to judge what is found 3.5, and with all gradients 16. Ev
 1,200 over the cost at which the gradients reach the median that sampling ends with.
 
 Then, from the best of all that: the flattest, the slowest sinking and the most stable gait of
-both ranges; and how stable a gait can become where one range at a time is wider, or where the
-mass moves along the body.
+both ranges, again on 60 nodes, and with the deviations that the coefficients of the
+band-limited polar leave; and how stable a gait can become where one range at a time is wider,
+or where the mass moves along the body.
 """
 
+import dataclasses
 import json
 import threading
 import warnings
@@ -32,7 +34,17 @@ from matplotlib.figure import Figure
 from scipy.stats import qmc
 from steady_map import OBSERVED, WIDE
 
-from jaxglide import Problem, optimise, spectral_radius, steady_glide_angle, steady_sink_rate
+from jaxglide import (
+    Polar,
+    Problem,
+    Study,
+    optimise,
+    spectral_radius,
+    steady_glide,
+    steady_glide_angle,
+    steady_sink_rate,
+    steady_sweep,
+)
 from jaxglide.ensemble.seeker import MOST
 from jaxglide.plot import style
 from jaxglide.search.problem import Evaluation
@@ -355,25 +367,25 @@ WIDER = {
     "f_theta 0.6 to 3 Hz": {"f_theta": (0.6, 3.0)},
     "d_psi -60 to 60 deg": {"d_psi": (-60.0, 60.0)},
     "psi_m 0 to 90 deg": {"psi_m": (0.0, 90.0)},
-    "mass 0.30 to 0.75 of SVL": {MASS: (0.30, 0.75)},
     "wide in all five": WIDE,
+    "mass 0.30 to 0.75 of SVL": {MASS: (0.30, 0.75)},
 }
 
 
-def needed(options, points, values, steps: int) -> list[tuple]:
-    """How stable a gait can become, with one range at a time wider than observed."""
+def wider(points, values, steps: int) -> list[tuple]:
+    """Works for `side_by_side`: the most stable gait with one range at a time wider."""
     guesses, works = leaders(points, values, FIRM, STARTS), []
-    for wider in WIDER.values():
-        ranges = {**OBSERVED, **wider}
+    for changed in WIDER.values():
+        ranges = {**OBSERVED, **changed}
         extra = np.full((len(guesses), len(ranges) - len(OBSERVED)), CENTRE)
         works.append(refined(ranges, FIRM, np.hstack([guesses, extra]), steps))
-    gait = [work for work in works if MASS not in work[0]]
-    body = [work for work in works if MASS in work[0]]
-    found = kept(options, f"needed_{steps}", lambda: side_by_side(gait))
-    found += kept(options, f"needed_mass_{steps}", lambda: side_by_side(body))
+    return works
+
+
+def needed(found: list[dict]) -> list[tuple]:
+    """How stable a gait became with one range at a time wider than observed, a row each."""
     rows = []
-    names = sorted(WIDER, key=lambda name: MASS in WIDER[name])
-    for name, run in zip(names, found, strict=True):
+    for name, run in zip(WIDER, found, strict=True):
         point, value = best_in(run, FIRM)
         known = dict(zip({**OBSERVED, **WIDER[name]}, map(float, point), strict=True))
         shown = [known[n] for n in OBSERVED] + [known.get(MASS, CENTRE)]
@@ -381,10 +393,50 @@ def needed(options, points, values, steps: int) -> list[tuple]:
     return rows
 
 
-def again(points: list[np.ndarray], nodes: int) -> np.ndarray:
-    """Glide angle, radius and sink rate on other nodes, (N, 3)."""
-    none = np.full((len(points), 8), np.nan)
-    return Desk(WIDE, nodes=nodes).ask(np.array(points), none)[0].values
+def again(ends: list[tuple]) -> list[tuple]:
+    """Rows of optima: again on 60 nodes, and with what the coefficients leave open.
+
+    Args:
+        ends: ranges, measure, gait, (5,), and its three measures, (3,).
+    """
+    setup = {**SETUP, "nodes": 60}
+    columns = np.array([point for *_, point, _ in ends]).T
+    study = Study(cases=dict(zip(WIDE, columns, strict=True)), setup=setup)
+    finer = steady_sweep(study, most=8)
+    rows = []
+    for k, (name, measure, point, value) in enumerate(ends):
+        here = finer.isel(case=k)
+        near = np.abs(here.glide_angle.values - value[0])
+        here = here.isel(solution=int(np.nanargmin(near)))
+        case = study.base.replace(dict(zip(WIDE, point, strict=True)))
+        glider = dataclasses.replace(case.glider, aerodynamics=Polar.band_limited())
+        glide = steady_glide(glider, here.state.values)
+        row = (name, measure, *map(float, point), *map(float, value))
+        row += (float(here.glide_angle), float(here.spectral_radius))
+        sure = glide.uncertainty if bool(glide.found) else None
+        angles = (np.nan, np.nan) if sure is None else (glide.glide_angle, sure.glide_angle)
+        radii = (
+            (np.nan, np.nan) if sure is None else (glide.spectral_radius, sure.spectral_radius)
+        )
+        row += tuple(np.rad2deg(float(angle)) for angle in angles)
+        rows.append((*row, *(float(radius) for radius in radii)))
+    return rows
+
+
+OPTIMA = (
+    "ranges",
+    "least",
+    *WIDE,
+    "glide angle (deg)",
+    "spectral radius",
+    "sink rate (m/s)",
+    "angle on 60 nodes (deg)",
+    "radius on 60 nodes",
+    "angle, band-limited (deg)",
+    "its deviation (deg)",
+    "radius, band-limited",
+    "its deviation",
+)
 
 
 @style()
@@ -437,23 +489,18 @@ def main() -> None:
             which.append((name, measure))
     write_table(options.out / "searches", HEADER, rows)
     save_figure(draw(found, budget), options.out / "steady_search.png")
-    refined_runs = kept(options, f"optima_{steps}", lambda: side_by_side(works))
-    ends = [
-        (name, measure, *best_in(run, measure))
-        for (name, measure), run in zip(which, refined_runs, strict=True)
-    ]
-    finer = again([point for *_, point, _ in ends], 60)
-    header = ("ranges", "least", *WIDE, "glide angle (deg)", "spectral radius")
-    header += ("sink rate (m/s)", "angle on 60 nodes", "radius on 60 nodes")
-    best = [
-        (name, measure, *map(float, point), *map(float, value), *map(float, fine[:2]))
-        for (name, measure, point, value), fine in zip(ends, finer, strict=True)
-    ]
-    write_table(options.out / "optima", header, best)
-    header = ("ranges", "least radius", "its glide angle (deg)", *OBSERVED, "mass at")
     points, values = pooled(list(found["observed"].values()))
-    rows = needed(options, points, values, steps)
-    write_table(options.out / "needed", header, rows)
+    *gaits, body = wider(points, values, steps)
+    runs = kept(options, f"refined_{steps}", lambda: side_by_side(works + gaits))
+    ends = [
+        (*named, *best_in(run, named[1]))
+        for named, run in zip(which, runs[: len(works)], strict=True)
+    ]
+    known = [end for end in ends if np.isfinite(end[-1]).all()]
+    write_table(options.out / "optima", OPTIMA, again(known))
+    runs = runs[len(works) :] + kept(options, f"mass_{steps}", lambda: side_by_side([body]))
+    header = ("ranges", "least radius", "its glide angle (deg)", *OBSERVED, "mass at")
+    write_table(options.out / "needed", header, needed(runs))
 
 
 if __name__ == "__main__":

@@ -151,6 +151,11 @@ def test_steady_map(run):
             agree(cell, *([] if value is None else [value]), share=SEARCHES)
     for row, cells in zip(found["by_frequency"], table(PAGE, "from"), strict=True):
         agree(" ".join(cells), *row.values(), share=SEARCHES)
+    parts = {tuple(row.values())[:2]: list(row.values()) for row in found["by_part"]}
+    ascii_of = {"d_ψ": "d_psi", "f_θ": "f_theta", "ν_θ": "nu_theta", "θ_m": "theta_m"}  # noqa: RUF001
+    for cells in table(PAGE, "variable"):
+        low = float(re.sub(r"[^\d.−]", "", cells[1]).replace("−", "-"))  # noqa: RUF001
+        agree(" ".join(cells[1:]), *parts[ascii_of[cells[0]], low][1:], share=SEARCHES)
     wide, _ = found["leaning"]
     said = sentence(PAGE, r"By rank correlation (.+?) counts for nothing, −0.05")  # noqa: RUF001
     names = "d_psi", "f_theta", "nu_theta", "theta_m"

@@ -15,13 +15,14 @@ a gait cost 8 of them, to judge what is found 3.5, and with all gradients 16. Ev
 1,200 (`--size`). A seed is won by the flatter glide; one that finds none loses. The factor is
 1,200 over the cost at which the gradients reach the median that sampling ends with.
 
-Then, from the best of all that: the flattest, the slowest sinking and the most stable gait of
-both ranges, again on 60 nodes, and with the deviations that the coefficients of the
-band-limited polar leave; and how stable a gait can become where one range at a time is wider,
-or where the mass moves along the body.
+Then, by gradients from the best of what CMA-ES and the Sobol set have judged: the flattest, the
+slowest sinking and the most stable gait of both ranges, again on 60 nodes, and with the
+deviations that the coefficients of the band-limited polar leave; and how stable a gait can
+become where one range at a time is wider, or where the mass moves along the body.
 """
 
 import dataclasses
+import itertools
 import json
 import threading
 import warnings
@@ -327,9 +328,8 @@ def refined(ranges: dict, measure: str, guesses: np.ndarray, steps: int) -> tupl
     return ranges, lambda ledger: climb(problem, ledger, **options)
 
 
-def best_in(run: dict, measure: str) -> tuple[np.ndarray, np.ndarray]:
-    """The best gait of a run, (n,), and its three measures, (3,); NaN where none is allowed."""
-    points, values = np.array(run["points"]), np.array(run["values"], float)
+def best_in(points: np.ndarray, values: np.ndarray, measure: str) -> tuple:
+    """The best of gaits, (n,), and its three measures, (3,); NaN where none is allowed."""
     met = values[:, 1] <= (np.inf if measure == FIRM else BOUND)
     wanted = np.where(met, values[:, list(MEASURES).index(measure)], np.nan)
     if not np.isfinite(wanted).any():
@@ -345,7 +345,12 @@ def pooled(found: list[list[dict]]) -> tuple[np.ndarray, np.ndarray]:
     return points, np.concatenate([np.array(run["values"], float) for run in every])
 
 
-def leaders(points, values, measure: str, count: int) -> np.ndarray:
+def drawn(found: dict[str, list[dict]]) -> list[list[dict]]:
+    """Runs of the searches without gradients."""
+    return [found[label] for label in SEARCHES if label != "gradients"]
+
+
+def leaders(points, values, measure: str, count: int = STARTS) -> np.ndarray:
     """The best points by a measure, those that meet the bound first; no two alike."""
     column = values[:, list(MEASURES).index(measure)]
     over = 0.0 if measure == FIRM else 1e3 * np.maximum(values[:, 1] - BOUND, 0)
@@ -374,7 +379,7 @@ WIDER = {
 
 def wider(points, values, steps: int) -> list[tuple]:
     """Works for `side_by_side`: the most stable gait with one range at a time wider."""
-    guesses, works = leaders(points, values, FIRM, STARTS), []
+    guesses, works = leaders(points, values, FIRM), []
     for changed in WIDER.values():
         ranges = {**OBSERVED, **changed}
         extra = np.full((len(guesses), len(ranges) - len(OBSERVED)), CENTRE)
@@ -386,7 +391,7 @@ def needed(found: list[dict]) -> list[tuple]:
     """How stable a gait became with one range at a time wider than observed, a row each."""
     rows = []
     for name, run in zip(WIDER, found, strict=True):
-        point, value = best_in(run, FIRM)
+        point, value = best_in(*pooled([[run]]), FIRM)
         known = dict(zip({**OBSERVED, **WIDER[name]}, map(float, point), strict=True))
         shown = [known[n] for n in OBSERVED] + [known.get(MASS, CENTRE)]
         rows.append((name, float(value[1]), float(value[0]), *shown))
@@ -471,7 +476,7 @@ def main() -> None:
     budget = options.size or BUDGET
     seeds, steps = (SEEDS, STEPS) if budget >= BUDGET else (2, 2)
     found: dict[str, dict[str, list[dict]]] = {}
-    rows, works, which = [], [], []
+    rows, works = [], []
     for name, ranges in (("wide", WIDE), ("observed", OBSERVED)):
         found[name] = {
             label: kept(
@@ -482,20 +487,19 @@ def main() -> None:
             for label, search in SEARCHES.items()
         }
         rows += table_of(found[name], name, budget)
-        points, values = pooled(list(found[name].values()))
-        for measure in MEASURES:
-            guesses = leaders(points, values, measure, STARTS)
-            works.append(refined(ranges, measure, guesses, steps))
-            which.append((name, measure))
+        works += [
+            refined(ranges, measure, leaders(*pooled(drawn(found[name])), measure), steps)
+            for measure in MEASURES
+        ]
     write_table(options.out / "searches", HEADER, rows)
     save_figure(draw(found, budget), options.out / "steady_search.png")
-    points, values = pooled(list(found["observed"].values()))
-    *gaits, body = wider(points, values, steps)
+    *gaits, body = wider(*pooled(drawn(found["observed"])), steps)
     runs = kept(options, f"refined_{steps}", lambda: side_by_side(works + gaits))
-    ends = [
-        (*named, *best_in(run, named[1]))
-        for named, run in zip(which, runs[: len(works)], strict=True)
-    ]
+    named = [(name, measure) for name in found for measure in MEASURES]
+    ends = []
+    for (name, measure), run in zip(named, runs[: len(works)], strict=True):
+        every = [run, *itertools.chain(*found[name].values())]
+        ends.append((name, measure, *best_in(*pooled([every]), measure)))
     known = [end for end in ends if np.isfinite(end[-1]).all()]
     write_table(options.out / "optima", OPTIMA, again(known))
     runs = runs[len(works) :] + kept(options, f"mass_{steps}", lambda: side_by_side([body]))

@@ -38,18 +38,19 @@ from steady_map import OBSERVED, WIDE
 from jaxglide import (
     Polar,
     Problem,
-    Study,
+    discretise,
     optimise,
     spectral_radius,
     steady_glide,
     steady_glide_angle,
     steady_sink_rate,
-    steady_sweep,
 )
+from jaxglide.ensemble.base import published_case
 from jaxglide.ensemble.seeker import MOST
 from jaxglide.plot import style
 from jaxglide.search.problem import Evaluation
 from jaxglide.search.steady import SteadyJudge
+from jaxglide.steady.reduced import scales
 
 SETUP = {"polar": "smooth", "node_set": "gauss"}
 NODES = 40
@@ -302,8 +303,10 @@ def table_of(found: dict[str, list[dict]], name: str, budget: float) -> list[tup
         end = worst[which]
         factor = budget / float(np.median(reached)) if np.isfinite(target) else np.nan
         evaluations = float(np.median([len(costs) for costs, _ in each]))
-        row = (name, which, evaluations, int(np.isfinite(end).sum()), float(np.median(end)))
-        rows.append((*row, float(end.min()), wins, factor))
+        finds, middle = int(np.isfinite(end).sum()), float(np.median(end))
+        row = (name, which, evaluations, finds, budget * len(each) / max(finds, 1))
+        middle = middle if np.isfinite(middle) else np.nan
+        rows.append((*row, middle, float(end.min()), wins, factor))
     return rows
 
 
@@ -312,6 +315,7 @@ HEADER = (
     "search",
     "gaits judged",
     "seeds that find one",
+    "cost for each of those",
     "median of the flattest (deg)",
     "flattest (deg)",
     "seeds flatter than the Sobol set's",
@@ -404,27 +408,24 @@ def again(ends: list[tuple]) -> list[tuple]:
     Args:
         ends: ranges, measure, gait, (5,), and its three measures, (3,).
     """
-    setup = {**SETUP, "nodes": 60}
-    columns = np.array([point for *_, point, _ in ends]).T
-    study = Study(cases=dict(zip(WIDE, columns, strict=True)), setup=setup)
-    finer = steady_sweep(study, most=8)
+    points = np.array([point for *_, point, _ in ends])
+    known = Desk(WIDE).ask(points, np.full((len(points), 8), np.nan))[1]
+    base = published_case({**SETUP, "nodes": 60})
     rows = []
-    for k, (name, measure, point, value) in enumerate(ends):
-        here = finer.isel(case=k)
-        near = np.abs(here.glide_angle.values - value[0])
-        here = here.isel(solution=int(np.nanargmin(near)))
-        case = study.base.replace(dict(zip(WIDE, point, strict=True)))
-        glider = dataclasses.replace(case.glider, aerodynamics=Polar.band_limited())
-        glide = steady_glide(glider, here.state.values)
+    for (name, measure, point, value), root in zip(ends, known, strict=True):
+        glider = base.replace(dict(zip(WIDE, map(float, point), strict=True))).glider
+        state = root * np.asarray(scales(glider, discretise(glider.body)))
+        finer = steady_glide(glider, state)
+        banded = dataclasses.replace(glider, aerodynamics=Polar.band_limited())
+        banded = steady_glide(banded, state)
+        sure = banded.uncertainty if bool(banded.found) else None
         row = (name, measure, *map(float, point), *map(float, value))
-        row += (float(here.glide_angle), float(here.spectral_radius))
-        sure = glide.uncertainty if bool(glide.found) else None
-        angles = (np.nan, np.nan) if sure is None else (glide.glide_angle, sure.glide_angle)
-        radii = (
-            (np.nan, np.nan) if sure is None else (glide.spectral_radius, sure.spectral_radius)
-        )
-        row += tuple(np.rad2deg(float(angle)) for angle in angles)
-        rows.append((*row, *(float(radius) for radius in radii)))
+        row += (np.rad2deg(float(finer.glide_angle)), float(finer.spectral_radius))
+        row += (np.rad2deg(float(banded.glide_angle)),)
+        row += (np.nan if sure is None else np.rad2deg(float(sure.glide_angle)),)
+        row += (float(banded.spectral_radius),)
+        rows.append((*row, np.nan if sure is None else float(sure.spectral_radius)))
+        print(rows[-1], flush=True)
     return rows
 
 
@@ -446,27 +447,32 @@ OPTIMA = (
 
 @style()
 def draw(found: dict[str, dict[str, list[dict]]], budget: float) -> Figure:
-    """Flattest so far against cost: median of the seeds, and their spread."""
+    """Flattest so far against cost, a line for each seed that finds one."""
     figure = Figure(figsize=(150 / 25.4, 75 / 25.4), dpi=300, layout="constrained")
     axes = figure.subplots(1, len(found), sharey=True)
-    grid = np.linspace(0, budget, 200)
-    colours = "#0072B2", "#D55E00", "#999999"
+    looks = (("#0072B2", 1.4, 3), ("#D55E00", 0.9, 2), ("#888888", 0.9, 1))
     for ax, (name, searches) in zip(axes, found.items(), strict=True):
-        for (which, each), colour in zip(searches.items(), colours, strict=True):
-            on_grid = []
-            for run in each:
-                costs, best = curve(run, budget)
-                at = np.searchsorted(costs, grid, side="right") - 1
-                on_grid.append(np.where(at >= 0, best[np.maximum(at, 0)], np.nan))
-            worst = np.nan_to_num(on_grid, nan=90.0)
-            low, middle, high = np.quantile(worst, (0.0, 0.5, 1.0), axis=0)
-            ax.fill_between(grid, low, high, color=colour, alpha=0.12, lw=0)
-            ax.plot(grid, middle, color=colour, lw=1.4, label=which)
+        for (which, each), (colour, width, order) in zip(searches.items(), looks, strict=True):
+            curves = [curve(run, budget) for run in each]
+            finds = sum(bool(np.isfinite(best[-1])) for _, best in curves)
+            label = f"{which}: {finds} of {len(each)}"
+            for k, (costs, best) in enumerate(curves):
+                ax.step(
+                    [*costs, budget],
+                    [*best, best[-1]],
+                    where="post",
+                    color=colour,
+                    lw=width,
+                    alpha=0.8,
+                    zorder=order,
+                    label=None if k else label,
+                )
         ax.set_title(name)
         ax.set_xlabel("cost (derivatives of the map)")
+        ax.set_xlim(0, budget)
+        ax.legend(loc="upper left")
     axes[0].set_ylabel("flattest with radius below 0.95 (deg)")
-    axes[0].set_ylim(90, 15)
-    axes[0].legend(loc="lower right")
+    axes[0].set_ylim(90, 10)
     return figure
 
 

@@ -24,6 +24,7 @@ _FIGURES = {
     "fit-forces": "fit_forces.py",
     "gallery": "gallery.py",
     "steady-certainty": "steady_certainty.py",
+    "steady-branches": "steady_branches.py",
     "validation": "validation.py",
 }
 

@@ -161,9 +161,8 @@ def test_a_branch_against_glides_found_one_by_one(whole):
         other = glider(d_psi=branch.parameter[k])
         glide = jg.steady_glide(other, branch.state[k])
         np.testing.assert_allclose(branch.state[k], glide.state, atol=2e-4)
-        np.testing.assert_allclose(
-            branch.multipliers[k], glide.multipliers, rtol=2e-3, atol=2e-5
-        )
+        sizes = np.abs(branch.multipliers[k]), np.abs(glide.multipliers)
+        np.testing.assert_allclose(*sizes, rtol=2e-3, atol=2e-5)
         for name in ("glide_angle", "speed", "sink_rate", "forward_speed", "period"):
             assert getattr(branch, name)[k] == pytest.approx(
                 float(getattr(glide, name)), rel=1e-4
@@ -181,7 +180,8 @@ def test_helices_on_both_sides_of_a_straight_glide():
     left, right = branch.parameter.argmax(), branch.parameter.argmin()
     assert branch.turn_rate[left] == pytest.approx(-branch.turn_rate[right], rel=1e-4)
     assert abs(branch.turn_rate[left]) > 1e-2
-    assert branch.glide_angle[left] == pytest.approx(branch.glide_angle[right], rel=1e-5)
+    # not the glide angle: starts of cycles lie on a wider helix in one phase than in another
+    assert branch.sink_rate[left] == pytest.approx(branch.sink_rate[right], rel=1e-5)
     tilted = dataclasses.replace(long_glider(), gait=glider(60, 0, 1.738, 1.3, 5.5, 2).gait)
     glide = jg.steady_glide(tilted, branch.state[left])
     assert float(glide.turn_rate) == pytest.approx(branch.turn_rate[left], rel=1e-3)

@@ -4,8 +4,12 @@ from common import arguments, save_dataset, save_figure, write_table  # first: i
 
 # isort: split
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from jaxglide import (
     Branch,
@@ -17,7 +21,8 @@ from jaxglide import (
     steady_branch,
     steady_glide,
 )
-from jaxglide.plot import branch_diagrams
+from jaxglide.plot._labels import SYMBOLS
+from jaxglide.plot._style import FAINT, INK, PAGE_WIDTH, PITCH, ROLL, YAW, new_figure, style
 
 GAITS = {
     "published": Gait.from_degrees(),
@@ -34,6 +39,18 @@ BIAS = (-10, 10)  # of d_theta [deg per SVL]
 FREQUENCIES = (0.6, 0.9, 1.2, 1.5, 2.0, 2.5, 3.0)
 FROZEN = (0.0, 2 * np.pi)  # phases [rad]
 POINTS = 100
+
+
+_MARKS = {"fold": ("o", INK), "+1": ("D", PITCH), "-1": ("s", ROLL), "pair": ("^", YAW)}
+_MEANING = {
+    "fold": "fold",
+    "+1": "multiplier 1",
+    "-1": "multiplier -1 of the map",
+    "pair": "pair of multipliers",
+    "start": "start",
+}
+_UNITS = {"deg": "°", "deg/SVL": "° per SVL"}
+_LOWEST, _HIGHEST = -3.0, 4.0  # 1/s; what decays or grows faster is out of the picture
 
 
 def glider_of(gait: Gait) -> Glider:
@@ -89,6 +106,70 @@ def frozen_rows(name: str, glider: Glider) -> list[tuple]:
     return marked(name, branch) if branch.found else []
 
 
+def _drawn(ax: Axes, one: Branch, values: np.ndarray) -> None:
+    """Values along a branch: bold where it is stable."""
+    ax.plot(one.parameter, values, color=INK, linewidth=0.7)
+    stable = np.where(one.stable, values, np.nan)
+    ax.plot(one.parameter, stable, color=ROLL, linewidth=2.2)
+    for kind, (mark, colour) in _MARKS.items():
+        at = np.flatnonzero(one.kinds == kind)
+        ax.plot(one.parameter[at], values[at], mark, color=colour, markersize=2.8)
+    at = np.flatnonzero(one.kinds == "start")
+    ax.plot(one.parameter[at], values[at], "*", color=PITCH, markersize=6)
+
+
+def _growth(ax: Axes, one: Branch) -> None:
+    """Growth rates of all modes, those that turn in another colour."""
+    rates, turns = np.real(one.exponents), np.abs(np.imag(one.multipliers)) > 1e-12
+    for k in range(rates.shape[1]):
+        ax.plot(one.parameter, rates[:, k], ".", color=INK, markersize=1.2)
+        turning = np.where(turns[:, k], rates[:, k], np.nan)
+        ax.plot(one.parameter, turning, ".", color=YAW, markersize=1.2)
+    ax.axhline(0.0, color=FAINT, linewidth=0.6)
+    ax.set_ylim(_LOWEST, min(_HIGHEST, max(1.0, 1.1 * float(rates.max()))))
+
+
+def _legend(figure: Figure, branches: Sequence[Branch]) -> None:
+    there = {str(kind) for one in branches for kind in one.kinds}
+    handles = [
+        Line2D([], [], color=ROLL, linewidth=2.2, label="stable"),
+        Line2D([], [], color=INK, linewidth=0.7, label="unstable"),
+    ]
+    marks = {**_MARKS, "start": ("*", PITCH)}
+    for kind, (mark, colour) in marks.items():
+        if kind in there:
+            text = _MEANING[kind]
+            handles.append(
+                Line2D(
+                    [], [], marker=mark, color=colour, linestyle="", markersize=4, label=text
+                )
+            )
+    for colour, text in ((INK, "mode that does not turn"), (YAW, "mode that turns")):
+        handles.append(Line2D([], [], marker=".", color=colour, linestyle="", label=text))
+    figure.legend(handles=handles, loc="outside lower center", ncols=5)
+
+
+@style()
+def diagrams(branches: Sequence[Branch]) -> Figure:
+    """Glide angle, and growth rates of all modes, along branches of steady glides.
+
+    A column for each branch; above, what is stable is bold and what is special marked.
+    """
+    figure = new_figure(PAGE_WIDTH, 92.0)
+    figure.set_layout_engine("constrained")
+    axes = figure.subplots(2, len(branches), squeeze=False, sharex="col")
+    for (above, below), one in zip(axes.T, branches, strict=True):
+        _drawn(above, one, np.rad2deg(one.glide_angle))
+        _growth(below, one)
+        name = SYMBOLS[one.name]
+        unit = _UNITS.get(one.unit, one.unit)
+        below.set_xlabel(f"{name} ({unit})" if unit else name)
+    axes[0, 0].set_ylabel("glide angle (°)")
+    axes[1, 0].set_ylabel("growth of the modes (1/s)")
+    _legend(figure, branches)
+    return figure
+
+
 def main() -> None:
     options = arguments(__doc__)
     points, changing, held = [], [], []
@@ -105,7 +186,7 @@ def main() -> None:
             save_dataset(branch.dataset(), options.out / f"{name}_{branch.name}.nc")
         changing += modes(name, glider, branches[0])
         held += frozen_rows(name, glider)
-        figure = branch_diagrams(branches)
+        figure = diagrams(branches)
         save_figure(figure, options.out / f"steady_branches_{name}.png")
     figures = ("path (deg)", "speed (m/s)", "turning (deg/s)", "spectral radius")
     header = ("gait", "along", "what", "value", *figures)

@@ -24,6 +24,8 @@ _FIGURES = {
     "fit-forces": "fit_forces.py",
     "gallery": "gallery.py",
     "steady-certainty": "steady_certainty.py",
+    "steady-map": "steady_map.py",
+    "steady-optimum": "steady_optimum.py",
     "steady-branches": "steady_branches.py",
     "validation": "validation.py",
 }

@@ -166,8 +166,9 @@ def steady_branch(
         name: of the number, a path or a name that is unique, as in a `Case`: "f_theta",
             "body.mass"; "phi_theta" is the phase of the waves at the start.
         low, high: range, in the unit that people read.
-        start: a steady glide of the glider, or the state near the start of a cycle, (8,); by
-            default what `steady_glide` finds.
+        start: a steady glide of the glider, or the state near the start of a cycle, (8,), or
+            those at the starts of k pieces, as in `Branch.states`, (k, 8); by default what
+            `steady_glide` finds.
         whole: whether glides that are not their own mirror image are followed too; as
             always where d_theta is not 0, or is what varies.
         phase: of the waves at the start of a cycle [rad].
@@ -200,11 +201,13 @@ def steady_branch(
     kind = _kind(case, path, whole)
     least = _least(path, kind, low, step)
     pieces = 1 if kind.frozen else _pieces(_longest(case, path, least, kind))
+    if np.ndim(start) == 2:
+        pieces = len(start)
     unit, span = posed.scales(), high - least
     followed = Followed.of(case, path, span, unit, kind, pieces)
     rules = Rules(least / span, high / span, step, points, arc)
-    states, why = _begun(start, glider, posed)
-    first = None if states is None else _first(states, case.value(path) / span, followed, rules)
+    u, why = _begun(start, glider, posed, followed)
+    first = None if u is None else _first(u, case.value(path) / span, followed, rules)
     known: dict[str, Any] = {"name": case.name(path), "unit": case.parameter(path).unit}
     known |= {"frozen": kind.frozen, "mirrored": kind.mirrored}
     if first is None:
@@ -220,20 +223,22 @@ def steady_branch(
     return Branch(found=True, ends=ends, **known, **found)
 
 
-def _begun(start, glider: Glider, posed: Sought):
-    """States of flight over a cycle to begin with, or None; and why there is no branch."""
+def _begun(start, glider: Glider, posed: Sought, followed: Followed):
+    """Scaled states of the pieces to begin with, or None; and why there is no branch."""
     if start is None:
         start = steady_glide(glider, phase=float(posed.phase), step=float(posed.step))
     if isinstance(start, SteadyGlide):
-        return (start.states, _LOST) if bool(start.found) else (None, start.why)
-    state = number("start")(start)
-    check_range("start", state, "", shape=(SIZE,))
-    return orbit(state / posed.scales(), posed).states, _LOST
+        return (_cut(start.states, followed), _LOST) if bool(start.found) else (None, start.why)
+    states = number("start")(start)
+    if states.ndim == 2:
+        check_range("start", states, "", shape=(1 if posed.kind.frozen else len(states), SIZE))
+        return states / followed.unit, _LOST
+    check_range("start", states, "", shape=(SIZE,))
+    return _cut(orbit(states / followed.unit, posed).states, followed), _LOST
 
 
-def _first(states, p: float, followed: Followed, rules: Rules) -> Here | None:
+def _first(u, p: float, followed: Followed, rules: Rules) -> Here | None:
     """The start of a branch, by its own map; None if there is none."""
-    u = _cut(states, followed)
     none = Place(jnp.zeros_like(u), jnp.ones_like(u[0, 0]))
     return here(Place(u, jnp.asarray(p, u.dtype)), none, True, followed, rules)
 

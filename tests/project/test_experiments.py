@@ -88,7 +88,7 @@ def test_every_script_and_picture_is_there():
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
     pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
-    assert len(pictures) == 23
+    assert len(pictures) == 25
     for path in pictures:
         assert (FINDINGS / path).exists(), path
 
@@ -167,6 +167,26 @@ def test_steady_map(run):
 
 
 @for_hours
+@slow
+def test_steady_branches(run):
+    found = run("jaxglide figure steady-branches")
+    for gait, frequency, angle, growth, _ in table(PAGE, "gait | f_θ (Hz)"):
+        worst = rows_where(found["steady_branches_modes"], gait=gait, f=float(frequency))[0]
+        agree(f"{angle} {growth}", worst[2], worst[5])
+    points = found["steady_branches"]
+    folded = [r for r in points if r["what"] == "fold"]
+    turning = max(r["value"] for r in folded if r["along"] == "d_theta")
+    agree(sentence(PAGE, r"branch in d_θ folds at ±([\d.]+)° per SVL"), turning)
+    folds = sorted(r["value"] for r in folded if r["along"] == "f_theta")
+    said = (
+        r"folds at ([\d.]+) Hz and ([\d.]+) Hz, that of the other at ([\d.]+) Hz and ([\d.]+)"
+    )
+    agree(sentence(PAGE, said), *folds)
+    flat = [r for r in points if r["along"] == "nu_theta" and r["what"] in ("-1", "pair")]
+    edges = [r["value"] for r in flat if r["gait"] == "published" and 1.7 < r["value"] < 2]
+    agree(sentence(PAGE, r"it is stable between ([\d.]+) and ([\d.]+), beyond"), *edges)
+
+
 @slow
 def test_steady_optimum(run):
     found = run("jaxglide figure steady-optimum")

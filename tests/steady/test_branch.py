@@ -1,10 +1,12 @@
 """Branches of steady glides: against glides found one by one, past folds, to frozen bodies."""
 
 import dataclasses
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import jaxglide as jg
 from jaxglide.flight.case import Case
@@ -12,6 +14,7 @@ from jaxglide.flight.launch import Launch
 from jaxglide.steady.closure import Kind
 from jaxglide.steady.glide import sought
 from jaxglide.steady.pieces import Followed, Place, found_at
+from jaxglide.steady.reduced import MIRROR
 from jaxglide.steady.spectrum import multipliers_of
 
 slow = pytest.mark.slow
@@ -185,3 +188,29 @@ def test_helices_on_both_sides_of_a_straight_glide():
     tilted = dataclasses.replace(long_glider(), gait=glider(60, 0, 1.738, 1.3, 5.5, 2).gait)
     glide = jg.steady_glide(tilted, branch.state[left])
     assert float(glide.turn_rate) == pytest.approx(branch.turn_rate[left], rel=1e-3)
+
+
+@slow
+def test_slow_waves_lead_along_frozen_glides():
+    """Phase by phase, the difference is in proportion to the frequency.
+
+    The gait is one whose frozen glides go on through all phases without a fold.
+    """
+    diving = partial(glider, 1, 0.0, 1.738, d_psi=-20)
+    near = [-0.01, 0.65, -5.14, 0.0, -0.005, 0.027, -0.175, -0.016]
+    still = jg.steady_branch(diving(f_theta=0), "phi_theta", 0, np.pi, start=near, arc=0.02)
+    assert still.parameter[-1] == pytest.approx(np.pi)
+    np.testing.assert_allclose(still.state[-1], MIRROR * still.state[0], atol=1e-9)
+    # in flight the phase falls: from 0 it is that of the other half, mirrored
+    phases = np.pi * (1 - np.arange(16) / 16)
+    frozen = np.array(CubicSpline(still.parameter, still.state)(phases)) * MIRROR
+    branch = jg.steady_branch(diving(f_theta=0.04), "f_theta", 0.02, 0.08, start=frozen)
+    assert branch.found
+    assert branch.spectral_radius[0] > 1e40  # one shot over the cycle would be hopeless
+    at = [0, list(branch.kinds).index("start"), -1]
+    np.testing.assert_allclose(branch.parameter[at], [0.02, 0.04, 0.08], rtol=1e-12)
+    apart = np.abs(branch.states[at] - frozen).max(axis=(1, 2))
+    angles = np.rad2deg(branch.states[at][..., 6:] - frozen[:, 6:])
+    print(apart, np.abs(angles).max(axis=(1, 2)), branch, branch.spectral_radius)
+    assert apart[1] / apart[0] == pytest.approx(2, rel=0.1)
+    assert abs(apart[1] / apart[0] - 2) < abs(apart[2] / apart[1] - 2)

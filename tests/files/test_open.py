@@ -109,21 +109,19 @@ def measured(folder):
 def compared(data):
     times = len(flights._TIMES)
 
-    def flier(*setup):
-        def fly(fields, n, *arguments):
-            return {
-                "states": np.zeros((n, times, 13)),
-                "end": np.zeros((n, 13)),
-                "time": np.ones(n),
-                "outcome": np.zeros(n, int),
-                "phi_theta": np.zeros(n),
-                "angles": np.zeros((n, 3)),
-            }
-
-        return fly
+    def fly(program, fields, *arguments):
+        n = len(fields["svl"])
+        return {
+            "states": np.zeros((n, times, 13)),
+            "end": np.zeros((n, 13)),
+            "time": np.ones(n),
+            "outcome": np.zeros(n, int),
+            "phi_theta": np.zeros(n),
+            "angles": np.zeros((n, 3)),
+        }
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(flights, "_flier", flier)
+        patch.setattr(flights, "fly_all", fly)
         return flights.fly_flights(data)
 
 

@@ -30,6 +30,7 @@ from .lane import Pilot
 from .launch import Launch, TakeOff, take_off
 from .pool import Task
 from .solve import Posed, Settings, Solved, settings_of, solve
+from .stored import Stages, solve_back
 from .trajectory import AbstractTrajectory, steps_row
 
 
@@ -124,10 +125,12 @@ def _fly(glider: Glider, launch: Launch, settings, *, adjoint) -> tuple[TakeOff,
     start = take_off(glider, launch, sections, adjoint)
     flight = Flight(glider, sections, start.phi_theta)
     time = jnp.zeros_like(start.state[0])
+    if isinstance(adjoint, Stages) and settings.times is None:
+        return start, solve_back(six_degrees_of_freedom, start.state, time, flight, settings)
     return start, solve(six_degrees_of_freedom, start.state, time, flight, settings, adjoint)
 
 
-_fly_either_mode = either_mode(_fly)
+_fly_either_mode = either_mode(_fly, Stages())
 
 
 PILOT = Pilot(six_degrees_of_freedom)
@@ -200,11 +203,9 @@ def simulate(
         max_time: longest flight [s].
         max_steps: most steps of the solver, rejected ones included.
         step: a fixed step [s] instead of adaptive ones.
-        adjoint: how Diffrax differentiates. By default both modes work, and derivatives of
-            higher order in any combination of them, as long as no more numbers are varied
-            than a glide has (some 40); name one of Diffrax's adjoints to commit to it
-            (`RecursiveCheckpointAdjoint` for the gradient of one number with respect to very
-            many).
+        adjoint: how Diffrax differentiates. By default both modes work, each at its own
+            cost, and derivatives of higher order in any combination of them; name one of
+            Diffrax's adjoints to commit to it.
 
     Returns:
         The glide. Under `vmap`, every array has the batch dimensions in front.

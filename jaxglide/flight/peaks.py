@@ -76,6 +76,11 @@ class _Step(eqx.Module):
         return jnp.any(passed), jnp.min(jnp.where(passed, self.places[:, 3:], 1.0), initial=1.0)
 
 
+def step_peaks(t0: Scalar, y0: State, t1: Scalar, y1: State) -> Vec3:
+    """Largest |angles| of a step after its start [rad], (3,), from both of its ends."""
+    return _Step.between(_Point.of(t0, y0, ()), _Point.of(t1, y1, ())).largest
+
+
 class Peaks(eqx.Module):
     """Largest |angles| of a flight up to a point, and over the step from there on.
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from jaxglide import Gait, Glider, Launch, Polar, Snake, simulate
+from jaxglide.flight import stored
 
 NAMES = ("theta_m", "psi_m", "nu_theta", "f_theta", "d_psi", "speed", "height", "mass", "lift")
 # Rows of gaits: theta_m, psi_m, d_psi [deg], nu_theta, f_theta; from 2 m to keep it short.
@@ -97,6 +98,27 @@ def test_against_differences_of_tight_solves(height):
 def test_reverse_mode_of_the_default(forward):
     reverse = jax.vmap(jax.jacrev(lambda p: outputs(p, step=0.01)))(POINTS[:2])
     np.testing.assert_allclose(reverse, forward[:2], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_reverse_mode_through_a_flight_in_parts(forward, monkeypatch):
+    """Of 16 steps each, all but the last flown once more on the way back."""
+    monkeypatch.setattr(stored, "_KEPT", 16)
+    reverse = jax.jit(jax.jacrev(lambda p: outputs(p, step=0.01, max_steps=5000)))
+    np.testing.assert_allclose(reverse(POINTS[0]), forward[0], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_reverse_mode_with_steps_of_the_controller():
+    """Largest angles, too, which the steps follow."""
+
+    def value(p):
+        glide = simulate(*build(p), rtol=1e-8, atol=1e-8)
+        return glide.landing_point[1] + glide.time + jnp.sum(glide.max_angles)
+
+    one = POINTS[0]
+    forward, reverse = (jax.jit(f(value))(one) * SCALE for f in (jax.jacfwd, jax.grad))
+    assert np.all(np.abs(forward - reverse) < 1e-6 * np.abs(forward).max())
 
 
 @pytest.mark.slow

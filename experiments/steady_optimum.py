@@ -36,10 +36,13 @@ from scipy.stats import qmc
 from steady_map import OBSERVED, WIDE
 
 from jaxglide import (
+    Launch,
+    Outcome,
     Polar,
     Problem,
     discretise,
     optimise,
+    simulate,
     spectral_radius,
     steady_glide,
     steady_glide_angle,
@@ -429,6 +432,18 @@ def again(ends: list[tuple]) -> list[tuple]:
     return rows
 
 
+def launched(ends: list[tuple], height: float = 75.0) -> list[tuple]:
+    """How gaits end that are launched as published, a row each; 60 nodes."""
+    base, rows = published_case({**SETUP, "nodes": 60}), []
+    for name, measure, point, value in ends:
+        case = base.replace(dict(zip(WIDE, map(float, point), strict=True)))
+        glide = simulate(case.glider, Launch(height=height))
+        ended = str(Outcome(int(glide.outcome))), float(glide.time), float(glide.path_length)
+        angle = float(np.rad2deg(glide.glide_angle))
+        rows.append((name, measure, float(value[0]), *ended, angle))
+    return rows
+
+
 OPTIMA = (
     "ranges",
     "least",
@@ -508,6 +523,9 @@ def main() -> None:
         ends.append((name, measure, *best_in(*pooled([every]), measure)))
     known = [end for end in ends if np.isfinite(end[-1]).all()]
     write_table(options.out / "optima", OPTIMA, again(known))
+    header = ("ranges", "least", "steady glide angle (deg)", "from 75 m", "time (s)")
+    header += ("path length (m)", "glide angle at the end (deg)")
+    write_table(options.out / "launched", header, launched(known))
     runs = runs[len(works) :] + kept(options, f"mass_{steps}", lambda: side_by_side([body]))
     header = ("ranges", "least radius", "its glide angle (deg)", *OBSERVED, "mass at")
     write_table(options.out / "needed", header, needed(runs))

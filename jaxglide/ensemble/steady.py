@@ -60,9 +60,9 @@ def steady_sweep(
     Examples:
         >>> from jaxglide import Study, steady_sweep
         >>> setup = {"polar": "smooth", "node_set": "gauss", "nodes": 40}
-        >>> data = steady_sweep(Study({"nu_theta": [1.2, 1.4]}, setup=setup), starts=0)
+        >>> data = steady_sweep(Study({"nu_theta": [1.3, 1.4]}, setup=setup), starts=0)
         >>> print(data.found.values)
-        [ True  True]
+        [False  True]
     """
     check_kind("study", study, Study)
     check_integer("starts", starts, 0, 4096)

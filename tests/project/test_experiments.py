@@ -197,6 +197,19 @@ def test_steady_optimum(run):
         agree(cells[3], row["flattest (deg)"], share=SEARCHES)
         if row["search"] != "Sobol set":
             agree(cells[4], row["seeds flatter than the Sobol set's"], 10)
+    optima = {(row["ranges"], row["least"]): list(row.values())[2:] for row in found["optima"]}
+    words = {"flattest": "steady_glide_angle", "most": "spectral_radius"}
+    for cells in table(PAGE, "optimum"):
+        ranges, least = re.findall(r"\w+", cells[0])[:2]
+        row = optima[ranges, words.get(least, "steady_sink_rate")]
+        agree(" ".join(cells[1:9]), *row[:8], share=SEARCHES)
+        agree(" ".join(cells[9:]), row[9], *row[10:], share=SEARCHES)
+    for row, cells in zip(found["needed"], table(PAGE, "wider than observed"), strict=True):
+        name, radius, angle = list(row.values())[:3]
+        assert cells[0] == name
+        agree(" ".join(cells[1:]), radius, angle, share=SEARCHES)
+    wide = found["launched"][0]
+    agree(sentence(PAGE, r"lands after ([\d.]+) s and (\d+) m"), *list(wide.values())[4:6])
 
 
 @slow

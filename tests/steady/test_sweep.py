@@ -144,7 +144,7 @@ def test_a_wind_that_changes_is_refused(study):
 def test_what_is_found_is_what_a_single_search_finds(study):
     data = jg.steady_sweep(study, starts=0, progress=False)
     assert data.found.values.tolist() == [[True, False], [False, True]]
-    assert np.isnan(data.speed.where(~data.found, drop=True)).all()
+    assert np.isnan(data.speed.values[~data.found.values]).all()
     for f_theta, nu_theta in ((0.0, 1.3), (1.2, 1.4)):
         here = data.sel(f_theta=f_theta, nu_theta=nu_theta)
         count = int(here["count"])

@@ -222,8 +222,8 @@ steady_sink_rate = Objective(
 spectral_radius = Objective(
     "spectral_radius", "", lambda trial: trial.steady.spectral_radius, sense=-1
 )
-"""Largest modulus of that glide's multipliers: below 1 it is stable. No derivative where two of
-the largest meet."""
+"""Largest modulus of that glide's multipliers, below 1 where it is stable. It has no derivative
+where two of the largest meet."""
 
 OBJECTIVES = {
     objective.name: objective

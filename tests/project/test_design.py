@@ -21,6 +21,7 @@ ROOMS = (  # from the ground up: a room imports from those before it
     "flight",
     "tunnel",
     "steady",
+    "control",
     "ensemble",
     "search",
     "flights",

@@ -34,6 +34,7 @@ MAIN = (
 LONG = (
     *(
         "averaged_glide",
+        "Environment",
         "cache",
         "equilibrium",
         "integrate",

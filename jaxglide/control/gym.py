@@ -1,0 +1,169 @@
+"""The environment for libraries of reinforcement learning: Gymnasium's interface.
+
+Needs the extra `jaxglide[gym]`. Actions are -1 to 1 for the range of every input that is set;
+observations are plain vectors (see `observed`).
+"""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import gymnasium as gym
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._lib.checks import check_integer, check_kind
+from .environment import Environment
+from .policy import Sensed
+from .regulator import limits
+
+_TURNING = 0.1  # by which angular velocities and rates of actuators come to about one
+
+
+def observed(sensed: Sensed, chosen: tuple[int, ...]) -> jax.Array:
+    """What is sensed, but for velocity and height, as numbers of order one, (8 + 2 c,).
+
+    Sine and cosine of the waves' phase, yaw, pitch, roll [rad], angular velocity [10 rad/s],
+    positions and rates [10 a second] of the actuators.
+    """
+    index = jnp.array(chosen)
+    parts = [
+        jnp.stack([jnp.sin(sensed.phase), jnp.cos(sensed.phase)]),
+        sensed.angles,
+        _TURNING * sensed.omega,
+        sensed.positions[index],
+        _TURNING * sensed.rates[index],
+    ]
+    return jnp.concatenate(parts)
+
+
+class _Spaces:
+    """What both kinds of environment have in common."""
+
+    def __init__(self, environment: Environment, samples: int):
+        check_kind("environment", environment, Environment)
+        check_integer("samples", samples, 1, 100_000)
+        self.environment, self.samples = environment, samples
+        low, high = limits(environment.plant, environment.chosen)
+        index = np.array(environment.chosen)
+        self.middle, self.half = (low + high) / 2, (high - low) / 2
+        count = len(index)
+        self.action = gym.spaces.Box(-1.0, 1.0, (count,), np.float32)
+        size = 8 + 2 * count
+        self.observation = gym.spaces.Box(-np.inf, np.inf, (size,), np.float32)
+
+        def reset(key):
+            situation, sensed = environment.reset(key)
+            return situation, observed(sensed, environment.chosen)
+
+        def step(situation, action):
+            wanted = self.middle + self.half * jnp.clip(action, -1.0, 1.0)
+            moved = environment.step(situation, situation.plant.inputs.at[index].set(wanted))
+            seen = observed(moved.sensed, environment.chosen)
+            return moved.situation, seen, moved.reward, moved.over
+
+        self.reset, self.step = reset, step
+
+
+class GlideEnv(gym.Env):
+    """One flight as a Gymnasium environment.
+
+    Args:
+        environment: what flies.
+        samples: after which a flight is cut off.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+
+    def __init__(self, environment: Environment, samples: int = 200):
+        self._spaces = _Spaces(environment, samples)
+        self.action_space = self._spaces.action
+        self.observation_space = self._spaces.observation
+        self._reset = eqx.filter_jit(self._spaces.reset)
+        self._step = eqx.filter_jit(self._spaces.step)
+        self._count, self._situation = 0, None
+
+    def reset(self, *, seed: int | None = None, options=None):
+        super().reset(seed=seed)
+        key = jax.random.key(int(self.np_random.integers(2**31)))
+        self._situation, seen = self._reset(key)
+        self._count = 0
+        return np.asarray(seen, np.float32), {}
+
+    def step(self, action):
+        if self._situation is None:
+            raise RuntimeError("step before reset")
+        self._count += 1
+        self._situation, seen, reward, over = self._step(self._situation, jnp.asarray(action))
+        cut = self._count >= self._spaces.samples
+        return np.asarray(seen, np.float32), float(reward), bool(over), cut and not over, {}
+
+
+class GlideVectorEnv(gym.vector.VectorEnv):
+    """Many flights at once, as one vmapped computation; a flight that is over begins anew.
+
+    Args:
+        environment: what flies.
+        num_envs: how many.
+        samples: after which a flight is cut off.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP}
+
+    def __init__(self, environment: Environment, num_envs: int, samples: int = 200):
+        check_integer("num_envs", num_envs, 1, 1_000_000)
+        self._spaces = _Spaces(environment, samples)
+        self.num_envs = num_envs
+        self.single_action_space = self._spaces.action
+        self.single_observation_space = self._spaces.observation
+        self.action_space = gym.vector.utils.batch_space(self._spaces.action, num_envs)
+        self.observation_space = gym.vector.utils.batch_space(
+            self._spaces.observation, num_envs
+        )
+        self._reset = eqx.filter_jit(jax.vmap(self._spaces.reset))
+
+        def step(situation, action, fresh, keys):
+            """A step of each; what was over is drawn anew instead."""
+            moved = jax.vmap(self._spaces.step)(situation, action)
+            begun, seen = jax.vmap(self._spaces.reset)(keys)
+
+            def choose(new, old):
+                if jnp.issubdtype(new.dtype, jax.dtypes.prng_key):
+                    return jax.random.wrap_key_data(
+                        choose(jax.random.key_data(new), jax.random.key_data(old))
+                    )
+                return jnp.where(fresh.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+
+            arrays, rest = eqx.partition(begun, eqx.is_array)
+            later = eqx.combine(
+                jax.tree.map(choose, arrays, eqx.filter(moved[0], eqx.is_array)), rest
+            )
+            reward = jnp.where(fresh, 0.0, moved[2])
+            return later, choose(seen, moved[1]), reward, moved[3] & ~fresh
+
+        self._step = eqx.filter_jit(step)
+        self._count = np.zeros(num_envs, int)
+        self._fresh = np.zeros(num_envs, bool)
+        self._situation = None
+
+    def _keys(self):
+        return jax.random.split(
+            jax.random.key(int(self.np_random.integers(2**31))), self.num_envs
+        )
+
+    def reset(self, *, seed: int | None = None, options=None):
+        super().reset(seed=seed)
+        self._situation, seen = self._reset(self._keys())
+        self._count[:], self._fresh[:] = 0, False
+        return np.asarray(seen, np.float32), {}
+
+    def step(self, actions):
+        if self._situation is None:
+            raise RuntimeError("step before reset")
+        given = self._situation, jnp.asarray(actions), jnp.asarray(self._fresh), self._keys()
+        self._situation, seen, reward, over = self._step(*given)
+        self._count = np.where(self._fresh, 0, self._count + 1)
+        over = np.asarray(over)
+        cut = (self._count >= self._spaces.samples) & ~over
+        self._fresh = over | cut
+        return np.asarray(seen, np.float32), np.asarray(reward), over, cut, {}

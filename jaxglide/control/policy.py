@@ -1,0 +1,75 @@
+"""What sets the inputs of a plant: the seam for a controller that is sampled."""
+
+import abc
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .._lib.types import Array, Float, Integer, Scalar
+
+
+class Sensed(NamedTuple):
+    """What a policy is told at a sample, as it is sensed: late, rounded, with noise.
+
+    Attributes:
+        sample: number of the sample since launch.
+        phase: of the waves [rad].
+        angles: yaw, pitch, roll [rad], (3,).
+        omega: angular velocity in body axes [rad/s], (3,).
+        velocity: in heading axes: right, forward, up [m/s], (3,); NaN if it is not sensed.
+        height: [m]; NaN if it is not sensed.
+        positions, rates: of the actuators, (6,).
+        told: inputs told at the sample before, (6,).
+    """
+
+    sample: Integer
+    phase: Scalar
+    angles: Float[Array, "3"]
+    omega: Float[Array, "3"]
+    velocity: Float[Array, "3"]
+    height: Scalar
+    positions: Float[Array, "6"]
+    rates: Float[Array, "6"]
+    told: Float[Array, "6"]
+
+
+class AbstractPolicy(eqx.Module):
+    """Inputs from what is sensed, sample by sample. Pure; everything may be traced."""
+
+    def start(self) -> Any:
+        """What it remembers at launch, a tree of arrays; by default nothing."""
+        return ()
+
+    @abc.abstractmethod
+    def __call__(self, memory: Any, sensed: Sensed) -> tuple[Float[Array, "6"], Any]:
+        """Inputs wanted until the next sample, (6,), and what it remembers then."""
+
+
+class Constant(AbstractPolicy):
+    """The same inputs always.
+
+    Args:
+        inputs: (6,).
+    """
+
+    inputs: Float[Array, "6"] = eqx.field(converter=jnp.asarray)
+
+    def __call__(self, memory, sensed):
+        return self.inputs, memory
+
+
+def sensed_state(sensed: Sensed, chosen: tuple[int, ...]) -> Float[Array, " n"]:
+    """What is sensed as a controlled state: velocity in heading axes, angular velocity,
+    pitch, roll, yaw, positions and rates of the chosen actuators and what they
+    were told, (9 + 3 c,)."""
+    index = jnp.array(chosen)
+    turns = jnp.roll(sensed.angles, -1)  # pitch, roll, yaw
+    own = sensed.positions[index], sensed.rates[index], sensed.told[index]
+    return jnp.concatenate([sensed.velocity, sensed.omega, turns, *own])
+
+
+def deviation(sensed: Sensed, state, chosen: tuple[int, ...]) -> Float[Array, " n"]:
+    """How far what is sensed is from a controlled state, the yaw the short way round."""
+    apart = sensed_state(sensed, chosen) - state
+    return apart.at[8].set(jnp.mod(apart[8] + jnp.pi, 2 * jnp.pi) - jnp.pi)

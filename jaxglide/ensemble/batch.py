@@ -293,12 +293,12 @@ def shared(part: Any) -> tuple[Any, tuple]:
     return jax.tree.map(np.asarray, arrays), (structure, tuple(leaves))
 
 
-def default_width(count: int, nodes: int, kept: int = 0) -> int:
+def default_width(count: int, nodes: Callable[[], int], kept: int = 0) -> int:
     """Lanes of all pools together: by cache on CPU cores, by memory on GPUs.
 
     Args:
         count: of cases.
-        nodes: of the body.
+        nodes: gives those of the body, which only GPUs ask for.
         kept: numbers kept of each flight's states.
     """
     devices = workers()
@@ -307,7 +307,7 @@ def default_width(count: int, nodes: int, kept: int = 0) -> int:
         most, each = _LANES, each // _FLIGHTS
     else:
         memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
-        per_lane = 8 * (_LIVE * nodes + (_QUEUE + 3) * (20 * 13 + kept))
+        per_lane = 8 * (_LIVE * nodes() + (_QUEUE + 3) * (20 * 13 + kept))
         most = int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT
     return len(devices) * max(_UNIT, min(most, _rounded(each)))
 
@@ -315,7 +315,7 @@ def default_width(count: int, nodes: int, kept: int = 0) -> int:
 def width_of(study: Study) -> int:
     """`default_width` of a study."""
     states = study.state_size * len(study.times or ())
-    return default_width(len(study), nodes_of(study.base), states)
+    return default_width(len(study), lambda: nodes_of(study.base), states)
 
 
 def _rounded(lanes: int) -> int:

@@ -122,7 +122,7 @@ def survey(
     options = {"interval": float(interval), "max_time": float(max_time)}
     limits = np.asarray(study.rtol), np.asarray(study.atol)
     kept = 6 * (math.ceil(max_time / interval) + 1)
-    fleet = Fleet.of(default_width(len(study), nodes_of(base), kept))
+    fleet = Fleet.of(default_width(len(study), lambda: nodes_of(base), kept))
     drop = _faller(*key, tuple(options.items()), fleet.block)
     fallen = fly_all(drop, lanes, fleet, (arrays, held, *limits))
     records = int(fallen["last"].max()) + 1

@@ -279,7 +279,7 @@ def fly_flights(
         check_range(name, scale, "", 0, 100, shape=())
     fields = {name: np.asarray(values) for name, values in vars(flights).items()}
     fleet = Fleet.of(
-        default_width(len(data["trial"]), nodes or GAUSS_NODES, RIGID * len(_TIMES))
+        default_width(len(data["trial"]), lambda: nodes or GAUSS_NODES, RIGID * len(_TIMES))
     )
     fly = _flier(polar, nodes, fleet.block)
     given = tuple(np.asarray(float(x)) for x in (lift_scale, drag_scale, tolerance))

@@ -89,8 +89,7 @@ class Evaluator:
 
     Args:
         problem: the problem.
-        gradients: whether to compute gradients too (forward mode while there are fewer
-            parameters than results of a glide, else reverse mode; see `simulate`).
+        gradients: whether to compute gradients too, in forward mode.
 
     Steady glides that are asked for are searched first, from the five starts that
     `steady_glide` tries first, and of those that are found the most stable is judged.
@@ -153,7 +152,7 @@ class Evaluator:
     def _flown(self, points: np.ndarray, given: Given) -> Evaluation:
         """Values alone: a lane takes up the next point as soon as its own has landed."""
         arrays, key = shared(given)
-        width = default_width(len(points), nodes_of(self.problem.base))
+        width = default_width(len(points), lambda: nodes_of(self.problem.base))
         self.width = self.width or width  # kept, so that fewer points later compile nothing
         fleet = Fleet.of(self.width)
         program = _judge(self.problem.asked, *key, fleet.block)

@@ -19,9 +19,11 @@ from .reduced import (
     Reduced,
     ReturnMap,
     Slopes,
+    ended,
     flown,
     flown_with_slopes,
     rates,
+    reduce,
     scales,
 )
 
@@ -260,21 +262,35 @@ def slopes_of(u, posed: Sought, *, adjoint) -> Slopes:
     return slopes @ slopes if posed.kind.mirrored else slopes
 
 
+def missed_of(u, posed: Sought, *, adjoint) -> Reduced:
+    """By how much the map misses its start, scaled, (8,); of a frozen body its rates."""
+    unit, cycle = posed.scales(), posed.cycle()
+    if posed.kind.frozen:
+        return rates(jnp.zeros_like(u[0]), u * unit, cycle.flight) / unit
+    end = reduce(ended(u * unit, posed.duration, cycle, adjoint))
+    return (jnp.asarray(MIRROR * end) if posed.kind.mirrored else end) / unit - u
+
+
 orbit = eqx.filter_jit(either_mode(orbit_of))
 slopes = eqx.filter_jit(either_mode(slopes_of))
+missed = eqx.filter_jit(either_mode(missed_of))
+_by_state = eqx.filter_jit(
+    either_mode(lambda u, posed, *, adjoint: missed_with_slopes(u, posed, adjoint)[1])
+)
 
 
-def refined(u: Reduced, posed: Sought, orbit=orbit, slopes=slopes) -> Reduced:
+def refined(u: Reduced, posed: Sought, missed=missed) -> Reduced:
     """The steady glide at a root, with its derivatives by the implicit function theorem.
 
     One more step of Newton's: what is left of the miss is taken off, and what a change of
-    the glider would add to it, -(derivative)^-1 d(miss).
+    the glider would add to it, -(derivative)^-1 d(miss). Half a cycle is enough where the
+    other half is its mirror image.
 
     Args:
         u: scaled reduced state that a search has come to, (8,).
         posed: what is sought.
-        orbit, slopes: as those of this module, whose derivatives work in either mode.
+        missed: as that of this module, whose derivative works in either mode.
     """
     u, known = jax.lax.stop_gradient((u, posed))
-    by_state = _less_one(jax.lax.stop_gradient(slopes(u, known)), posed)
-    return u - jnp.linalg.solve(by_state, orbit(u, posed).missed)
+    by_state = _less_one(jax.lax.stop_gradient(_by_state(u, known)), posed)
+    return u - jnp.linalg.solve(by_state, missed(u, posed))

@@ -201,7 +201,7 @@ def steady_branch(
     kind = _kind(case, path, whole)
     least = _least(path, kind, low, step)
     pieces = 1 if kind.frozen else _pieces(_longest(case, path, least, kind))
-    if np.ndim(start) == 2:
+    if start is not None and np.ndim(start) == 2:
         pieces = len(start)
     unit, span = posed.scales(), high - least
     followed = Followed.of(case, path, span, unit, kind, pieces)

@@ -22,6 +22,7 @@ from .closure import (
     Sought,
     carried,
     first_found,
+    missed_of,
     orbit,
     orbit_of,
     refined,
@@ -80,7 +81,7 @@ def at_root(glider: Glider, u, kind: Kind, step: float) -> SteadyGlide:
     still = dataclasses.replace(glider, air=carried(glider.air))
     posed = Sought(still, jnp.zeros((), dtype), jnp.asarray(step, dtype), kind)
     flown, sloping = partial(orbit_of, adjoint=FORWARD), partial(slopes_of, adjoint=FORWARD)
-    u = refined(u, posed, flown, sloping)
+    u = refined(u, posed, partial(missed_of, adjoint=FORWARD))
     root = Reached(u, jnp.all(jnp.isfinite(u)), jnp.asarray(0, jnp.int32))
     return _glide(glider, posed, root, u, flown(u, posed), sloping(u, posed))
 

@@ -15,6 +15,7 @@ import xarray as xr
 from jaxglide import AbstractEnd, Case, Gait, Glider, Launch, Polar, Snake
 from jaxglide.search.ascent import Best
 from jaxglide.search.evaluator import Evaluator
+from jaxglide.search.objective import Trial
 from jaxglide.search.objectives import Objective, landing_distance, stability_margin
 from jaxglide.search.optimum import Status, optimise, verify
 from jaxglide.search.polish import sample_uphill, summits
@@ -461,6 +462,11 @@ SPEED = 6.0
 TRACED = []
 
 
+def compiled() -> list[Trial]:
+    """Trials that were traced to be flown, not to see what an objective asks for."""
+    return [trial for trial in TRACED if type(trial) is Trial]
+
+
 def at_the_wall(trial):
     TRACED.append(trial)
     return trial.glide.state[2]
@@ -517,7 +523,7 @@ def test_other_fixed_values_and_another_base_compile_nothing(thrown_at_a_wall):
     points = np.array([[10.0, 1.2], [40.0, 1.5], [60.0, 1.9]])
     one = thrown_at_a_wall(height=2.0, speed=SPEED)
     Evaluator(one)(points)
-    count = len(TRACED)
+    count = len(compiled())
     two = thrown_at_a_wall(height=3.0, speed=SPEED)
     found = Evaluator(two)(points)
     np.testing.assert_allclose(found.values[:, 0], hit(*points.T, 3.0)[0], rtol=1e-8)
@@ -525,7 +531,7 @@ def test_other_fixed_values_and_another_base_compile_nothing(thrown_at_a_wall):
     three = Problem(one.objective, one.free, fixed=one.fixed, case=heavy)
     straight = 2.0 + points[:, 1] * np.tan(np.deg2rad(points[:, 0]))
     np.testing.assert_allclose(Evaluator(three)(points).values[:, 0], straight, rtol=1e-8)
-    assert len(TRACED) == count
+    assert len(compiled()) == count > 0
     assert one != two
     assert one != three
     texts = [json.dumps(p.describe()) for p in (one, two, three)]

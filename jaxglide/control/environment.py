@@ -138,6 +138,8 @@ class Environment(eqx.Module):
         check_range("fall", fall, "m", 0, 1e4, shape=())
         gait: Any = case.glider.gait
         glider = actuated(case.glider, inputs, **dict(actuators or {}))
+        if not float(gait.f_theta) > 0:
+            raise ValueError("f_theta = 0 Hz is not allowed: samples are parts of a cycle")
         start = take_off(case.glider, case.launch, discretise(case.glider.body))
         interval = 1 / (samples * float(gait.f_theta))
         self.senses = Senses() if senses is None else senses

@@ -15,7 +15,7 @@ from .._lib.checks import check_choice, check_kind, check_range, is_traced
 from .._lib.fields import about, parameters_of
 from .._lib.types import Array, Bool, Float, Integer, Scalar, State
 from ..body.sections import discretise
-from ..flight.dynamics import RIGID, Flight, Glider, check_glider, six_degrees_of_freedom
+from ..flight.dynamics import Flight, Glider, check_glider, six_degrees_of_freedom
 from ..flight.ends import AbstractEnd, Outcome, clearance, outcome_codes
 from ..flight.solve import end_finder
 from ..shape.drives import AbstractLaw, Actuated, given_inputs
@@ -85,6 +85,10 @@ def actuated(
     check_kind("gait", gait, Gait)
     for name in (*inputs, *(ranges or {}), *(rates or {})):
         check_choice("inputs", name, INPUTS)
+    if not inputs or len(set(inputs)) < len(inputs):
+        raise ValueError(
+            f"inputs = {tuple(inputs)} is not allowed: name one or more, each once"
+        )
     ranges, rates = dict(ranges or {}), dict(rates or {})
     low, high = np.full(len(INPUTS), -_FREE), np.full(len(INPUTS), _FREE)
     rate = np.full(len(INPUTS), _FREE)
@@ -207,10 +211,6 @@ class Plant(eqx.Module):
         """The drive of its glider."""
         gait: Any = self.flight.glider.gait
         return gait.drive
-
-    def positions(self, state: State) -> Float[Array, "6"]:
-        """What the actuators are told they have reached, before limits, (6,)."""
-        return state[RIGID : RIGID + len(INPUTS)]
 
     def told(self, inputs: Float[Array, "6"]) -> Flight:
         """The flight with other inputs held."""

@@ -222,7 +222,9 @@ def test_delay_and_noise_are_what_they_say():
     assert np.isnan(sensed.velocity).all()
     here = jax.tree.map(lambda x: x[0], situation)
     told = environment.plant.inputs.at[3].add(0.1)
-    late = environment.step(here, told).situation.flying.state
+    flown = environment.step(here, told).situation.flying
+    np.testing.assert_allclose(flown.time, environment.plant.interval, rtol=1e-12)
+    late = flown.state
     prompt = Environment(case)
     at_once = prompt.step(prompt.reset(keys[0])[0], told).situation.flying.state
     w, share = 25.0, 0.05
@@ -270,6 +272,11 @@ def test_bad_input():
         actuated(glider_of(d_psi=45))
     with pytest.raises(ValueError, match="inputs"):
         actuated(glider, ("d_phi",))
+    for inputs in ((), ("d_psi", "d_psi")):
+        with pytest.raises(ValueError, match="one or more, each once"):
+            actuated(glider, inputs)
+    with pytest.raises(ValueError, match="f_theta = 0 Hz is not allowed"):
+        Environment(Case(glider_of(f_theta=0.0)))
     with pytest.raises(TypeError, match="has no inputs to be set"):
         Plant.of(glider, 0.0, 0.1)
     with pytest.raises(ValueError, match="delay"):

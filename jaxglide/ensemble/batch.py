@@ -293,21 +293,22 @@ def shared(part: Any) -> tuple[Any, tuple]:
     return jax.tree.map(np.asarray, arrays), (structure, tuple(leaves))
 
 
-def default_width(count: int, nodes: Callable[[], int], kept: int = 0) -> int:
+def default_width(count: int, nodes: Callable[[], int], kept: int = 0, size: int = 1) -> int:
     """Lanes of all pools together: by cache on CPU cores, by memory on GPUs.
 
     Args:
         count: of cases.
         nodes: gives those of the body, which only GPUs ask for.
         kept: numbers kept of each flight's states.
+        size: of a lane, in flights: more than one with rates.
     """
     devices = workers()
     each = -(-count // len(devices))
     if devices[0].platform == "cpu":
-        most, each = _LANES, each // _FLIGHTS
+        most, each = _LANES // size, each // _FLIGHTS
     else:
         memory = (devices[0].memory_stats() or {}).get("bytes_limit", 8 * 2**30)
-        per_lane = 8 * (_LIVE * nodes() + (_QUEUE + 3) * (20 * 13 + kept))
+        per_lane = 8 * size * (_LIVE * nodes() + (_QUEUE + 3) * (20 * 13 + kept))
         most = int(min(_MAX_LANES, 0.5 * memory / per_lane)) // _UNIT * _UNIT
     return len(devices) * max(_UNIT, min(most, _rounded(each)))
 

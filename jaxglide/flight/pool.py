@@ -233,8 +233,8 @@ class Program:
         place = jnp.minimum(place, len(cases) - 1)
         case, args, rest = jax.tree.map(lambda x: x[place], (cases, *queue))
         lane = jax.vmap(lambda *own: self._start(tasks, *own))(args, rest)
-        # what is kept at times is only ever read as far as it was written
-        lane = dataclasses.replace(lane, states=pool.lane.states)
+        if lane.states is not None:  # only ever read as far as they were written
+            lane = dataclasses.replace(lane, states=pool.lane.states)
 
         def choose(new, old):
             return jnp.where(chosen.reshape(-1, *[1] * (new.ndim - 1)), new, old)

@@ -18,7 +18,7 @@ from ..body.sections import discretise
 from ..flight.dynamics import Flight, Glider, check_glider, six_degrees_of_freedom
 from ..flight.ends import AbstractEnd, Outcome, clearance, outcome_codes
 from ..flight.solve import end_finder
-from ..shape.drives import AbstractLaw, Actuated, given_inputs
+from ..shape.drives import LINEAR, AbstractLaw, Actuated, given_inputs
 from ..shape.gait import Gait
 from ..shape.motion import Driven
 from ..shape.shapes import Serpenoid
@@ -114,6 +114,15 @@ def actuated(
         high=high,
     )
     return dataclasses.replace(glider, gait=Driven(Serpenoid(), drive))
+
+
+def linear_range(drive: Actuated, chosen: tuple[int, ...]) -> tuple[Array, Array]:
+    """Lowest and highest of some inputs, (c,) each, within which an actuator is linear."""
+    assert drive.low is not None
+    assert drive.high is not None
+    index = np.array(chosen)
+    middle, half = (drive.high + drive.low) / 2, LINEAR * (drive.high - drive.low) / 2
+    return (middle - half)[index], (middle + half)[index]
 
 
 class Flying(NamedTuple):

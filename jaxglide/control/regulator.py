@@ -1,117 +1,28 @@
-"""Linear-quadratic control about a steady glide: the return map with inputs, sampled.
-
-The state that is controlled is the reduced state of a flight (see `steady.reduced`) with its
-yaw, and the states of the c actuators that are set: velocity in heading axes, angular velocity,
-pitch, roll, yaw, positions, rates, and what they were told at the sample before, which holds
-until new inputs arrive: n = 9 + 3 c numbers.
-"""
+"""Linear-quadratic control about a steady glide, and from the launch to it."""
 
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
 
-from .._lib.checks import check_range
-from .._lib.numerics import sincos
-from .._lib.types import Array, Float, State
-from ..flight.dynamics import ANGLES, OMEGA, RIGID, VELOCITY
+from .._lib.checks import check_integer, check_range
+from .._lib.types import Array, Float
+from ..body.sections import discretise
+from ..flight.launch import take_off
 from ..steady import SteadyGlide, steady_glide
 from ..steady.reduced import scales
 from .environment import Environment
-from .plant import INPUTS, Plant
+from .planning import CLOSED, Plan, Wanted, plan_launch
+from .plant import Plant, linear_range
 from .policy import AbstractPolicy, Sensed, deviation
+from .sampled import YAW, Linear, controlled_state, linearised, start_of
 
-YAW = 8
-"""Where the yaw is in a controlled state."""
 REACH = 0.15
 """From how far the yaw is called back [rad]; beyond, a turn goes on no faster."""
 SENSED = slice(3, 9)
 """Angular velocity and attitude there, which an observer is told of."""
-
-
-def controlled_state(state: State, told, chosen: tuple[int, ...]) -> Float[Array, " n"]:
-    """The controlled state of a state of flight (s,), and of what was told, (c,)."""
-    index = np.array(chosen)
-    s, c = sincos(state[ANGLES][0])
-    x, y, z = state[VELOCITY]
-    heading = jnp.stack([x * c + y * s, y * c - x * s, z])
-    own = state[RIGID:][index], state[RIGID + len(INPUTS) :][index], told
-    return jnp.concatenate([heading, state[OMEGA], jnp.roll(state[ANGLES], -1), *own])
-
-
-def flight_state(
-    controlled: Float[Array, " n"], time, plant: Plant, chosen: tuple[int, ...]
-) -> State:
-    """A state of flight at the origin with a controlled state; other actuators at rest."""
-    index, m = np.array(chosen), len(INPUTS)
-    pitch, roll, yaw = controlled[6:9]
-    s, c = sincos(yaw)
-    right, forward, up = controlled[:3]
-    velocity = jnp.stack([right * c - forward * s, forward * c + right * s, up])
-    position, rates, _ = jnp.split(controlled[9:], 3)
-    none = jnp.zeros(3)
-    own = jnp.concatenate([plant.inputs, jnp.zeros(m), (plant.inputs[-1] * time)[None]])
-    own = own.at[index].set(position).at[m + index].set(rates)
-    angles = jnp.stack([yaw, pitch, roll])
-    return jnp.concatenate([none, velocity, controlled[3:6], angles, none[:1], own])
-
-
-def next_state(
-    controlled, inputs, time, plant: Plant, chosen: tuple[int, ...]
-) -> Float[Array, " n"]:
-    """The controlled state an interval later.
-
-    Args:
-        controlled: at the sample, (n,).
-        inputs: the chosen ones, held, (c,).
-        time: of the sample since launch [s].
-        plant: what flies; its ends are not looked at.
-        chosen: which inputs are set.
-    """
-    plant = eqx.tree_at(lambda p: p.ends, plant, ())
-    start = flight_state(controlled, time, plant, chosen)
-    flying = plant.launched(start)._replace(time=time)
-    index = np.array(chosen)
-    before = plant.inputs.at[index].set(controlled[-len(chosen) :])
-    flown = plant.after_delay(flying, before, plant.inputs.at[index].set(inputs))
-    return controlled_state(flown.state, inputs, chosen)
-
-
-class Linear(NamedTuple):
-    """x_{k+1} - x*_{k+1} = A_k (x_k - x*_k) + B_k (u_k - u*_k), of N samples.
-
-    Attributes:
-        states: x*, (N, n).
-        A: (N, n, n).
-        B: (N, n, c).
-    """
-
-    states: Float[Array, "N n"]
-    A: Float[Array, "N n n"]
-    B: Float[Array, "N n c"]
-
-
-@eqx.filter_jit
-def linearised(start, plant: Plant, chosen: tuple[int, ...], samples: int) -> Linear:
-    """Along the flight from a controlled state (n,), the chosen inputs held; exact."""
-    held = plant.inputs[np.array(chosen)]
-    times = plant.interval * jnp.arange(samples)
-
-    def on(x, time):
-        return next_state(x, held, time, plant, chosen), x
-
-    states = jax.lax.scan(on, start, times)[1]
-
-    def slopes(x, time):
-        return jax.jacfwd(lambda x, u: next_state(x, u, time, plant, chosen), argnums=(0, 1))(
-            x, held
-        )
-
-    A, B = jax.lax.map(lambda at: slopes(*at), (states, times))
-    return Linear(states, A, B)
 
 
 class Gains(NamedTuple):
@@ -176,6 +87,20 @@ def riccati(linear: Linear, Q, R) -> Gains:
     return Gains(gains, P0, values[np.argsort(-np.abs(values))])
 
 
+def _filtered(A, P, noise, drift):
+    """Gains of the Kalman filter along A (N, n, n), from a covariance, and that at the end."""
+    gains, n = [], A.shape[1]
+    C = np.eye(n)[SENSED.start :]
+    for one in A:
+        seen = C @ P @ C.T + np.diag(noise)
+        L = np.linalg.solve(seen, C @ P).T
+        kept = np.eye(n) - L @ C
+        P = kept @ P @ kept.T + L @ np.diag(noise) @ L.T  # which rounding keeps positive
+        P = one @ P @ one.T + np.diag(drift)
+        gains.append(L)
+    return np.array(gains), P
+
+
 def filter_gains(linear: Linear, noise, drift, cycles: int = 200) -> np.ndarray:
     """Gains of the Kalman filter that sees angular velocity, attitude and the actuators.
 
@@ -190,75 +115,76 @@ def filter_gains(linear: Linear, noise, drift, cycles: int = 200) -> np.ndarray:
     Returns:
         L: the estimate is moved by L_k times what was seen less what was expected, (N, n, p).
     """
-    A = np.asarray(linear.A)
-    count, n = A.shape[:2]
-    C = np.eye(n)[SENSED.start :]
-    P, last = np.diag(np.asarray(drift, float)), None
+    A, P, last = np.asarray(linear.A), np.diag(np.asarray(drift, float)), None
+    gains = np.zeros(0)
     for _ in range(cycles):
-        gains = []
-        for k in range(count):
-            seen = C @ P @ C.T + np.diag(noise)
-            L = np.linalg.solve(seen, C @ P).T
-            kept = np.eye(n) - L @ C
-            P = kept @ P @ kept.T + L @ np.diag(noise) @ L.T  # which rounding keeps positive
-            P = A[k] @ P @ A[k].T + np.diag(drift)
-            gains.append(L)
+        gains, P = _filtered(A, P, noise, drift)
         if last is not None and np.allclose(gains, last, rtol=1e-9, atol=1e-12):
             break
         last = gains
-    return np.array(gains)
+    return gains
 
 
 class Regulator(AbstractPolicy):
     """Linear-quadratic feedback about a steady glide, with an observer where it cannot see all.
 
+    The first M samples are those of a planned launch, if there is one; the N of a cycle follow
+    and repeat themselves.
+
     Attributes:
-        linear: the system about the glide, of one cycle of N samples.
-        K: gains, (N, c, n).
-        L: gains of the observer, (N, n, p), or None: all of the state is sensed.
-        inputs: of the glide, (6,).
+        linear: the system along the plan and about the glide, M + N samples.
+        K: gains, (M + N, c, n).
+        L: gains of the observer, (M + N, n, p), or None: all of the state is sensed.
+        told: inputs of plan and glide, (M + N, c).
+        jump: of the reference from the plan's end to the glide, (n,).
+        inputs: held, (6,).
         low, high: limits of those that are set, (c,).
         turn: change of yaw in a cycle [rad].
         heading: yaw that is wanted, besides [rad].
         chosen: which inputs are set (static).
+        launch: M, samples of the plan (static).
     """
 
     linear: Linear
     K: Float[Array, "N c n"]
     L: Float[Array, "N n p"] | None
+    told: Float[Array, "N c"]
+    jump: Float[Array, " n"]
     inputs: Float[Array, "6"]
     low: Float[Array, " c"]
     high: Float[Array, " c"]
     turn: Float[Array, ""]
     heading: Float[Array, ""]
     chosen: tuple[int, ...] = eqx.field(static=True)
+    launch: int = eqx.field(static=True, default=0)
 
     def start(self):
         none = jnp.zeros_like(self.linear.states[0])
         return none, jnp.zeros(len(self.chosen))
 
+    def _place(self, sample):
+        """Row of a sample, and cycles flown at the glide."""
+        later, count = sample - self.launch, self.K.shape[0] - self.launch
+        row = jnp.where(later < 0, sample, self.launch + later % count)
+        return row, jnp.maximum(later, 0) // count
+
     def __call__(self, memory, sensed: Sensed):
-        count = self.K.shape[0]
-        k = sensed.sample % count
-        reference = (
-            self.linear.states[k]
-            .at[YAW]
-            .add(self.heading + self.turn * (sensed.sample // count))
-        )
-        apart, told = deviation(sensed, reference, self.chosen), memory[1]
+        k, cycles = self._place(sensed.sample)
+        reference = self.linear.states[k].at[YAW].add(self.heading + self.turn * cycles)
+        apart, before = deviation(sensed, reference, self.chosen), memory[1]
         apart = apart.at[YAW].set(jnp.clip(apart[YAW], -REACH, REACH))
         if self.L is not None:
-            last = (sensed.sample - 1) % count
-            expected = self.linear.A[last] @ memory[0] + self.linear.B[last] @ told
+            last, _ = self._place(sensed.sample - 1)
+            expected = self.linear.A[last] @ memory[0] + self.linear.B[last] @ before
+            expected += jnp.where(sensed.sample == self.launch, self.jump, 0.0)
             first = sensed.sample == 0
             seen = apart[SENSED.start :]
             guess = jnp.zeros_like(apart).at[SENSED.start :].set(seen)
             moved = expected + self.L[k] @ (seen - expected[SENSED.start :])
             apart = jnp.where(first, guess, moved)
+        wanted = jnp.clip(self.told[k] - self.K[k] @ apart, self.low, self.high)
         index = jnp.array(self.chosen)
-        base = self.inputs[index]
-        wanted = jnp.clip(base - self.K[k] @ apart, self.low, self.high)
-        return self.inputs.at[index].set(wanted), (apart, wanted - base)
+        return self.inputs.at[index].set(wanted), (apart, wanted - self.told[k])
 
 
 def weights(plant: Plant, chosen: tuple[int, ...], scales, price: float = 1.0):
@@ -278,23 +204,52 @@ def weights(plant: Plant, chosen: tuple[int, ...], scales, price: float = 1.0):
 
 
 def limits(plant: Plant, chosen: tuple[int, ...]) -> tuple[Array, Array]:
-    """Lowest and highest of the inputs that are set, (c,) each, within which an actuator is
-    linear."""
-    drive, index = plant.drive, np.array(chosen)
-    middle, half = (drive.high + drive.low) / 2, 0.9 * (drive.high - drive.low) / 2
-    return (middle - half)[index], (middle + half)[index]
+    """Lowest and highest that a law sets, (c,) each; see `linear_range`."""
+    return linear_range(plant.drive, chosen)
 
 
-def start_of(state, plant: Plant, chosen: tuple[int, ...]) -> Float[Array, " n"]:
-    """The controlled state of a reduced one (8,), of yaw 0, its actuators at rest."""
-    index = np.array(chosen)
-    held = plant.inputs[index]
-    return jnp.concatenate([state, jnp.zeros(1), held, 0 * held, held])
-
-
-DRIFT = 0.05
+DRIFT = 0.01
 """Share of its scale that a state drifts by in an interval, as an observer takes it."""
 _SURE = 1e-3  # rad or 1/s; no sense is taken to be better
+_FADES = 8.0  # samples over which the first guess of a plan comes to the glide
+
+
+def _planned(environment: Environment, gains: Gains, linear: Linear, turn, cost, cycles):
+    """The launch planned over so many cycles, to the glide that the gains are of."""
+    plant, chosen, case = environment.plant, environment.chosen, environment.case
+    begun = take_off(case.glider, case.launch, discretise(case.glider.body))
+    held = plant.inputs[np.array(chosen)]
+    start = np.asarray(controlled_state(plant.launched(begun.state).state, held, chosen))
+    cycle, count = np.asarray(linear.states), len(linear.states)
+    samples = np.arange(cycles * count + 1)
+    states = cycle[samples % count].copy()
+    states[:, YAW] += float(turn) * (samples // count)
+    low, high = map(np.asarray, limits(plant, chosen))
+    Q, R = cost
+    wanted = Wanted(states, np.asarray(held), Q, R, gains.P, low, high)
+    fade = np.exp(-samples / _FADES)[:, None]
+    guess = states + fade * (start - states[0]), np.tile(wanted.inputs, (len(samples) - 1, 1))
+    plan = plan_launch(start, plant, chosen, wanted, guess)
+    if not plan.gap < CLOSED:
+        raise ValueError(
+            f"no flight from this launch to the glide was found in {plan.iterations} steps: "
+            f"{plan.gap:.2g} of a scale is missed"
+        )
+    return plan, plan.states[-1] - states[-1]
+
+
+def _observer(environment: Environment, linear: Linear, plan: Plan | None, unit):
+    """Gains of the observer along plan and glide."""
+    senses, c = environment.senses, len(environment.chosen)
+    sure = np.array([senses.omega_noise] * 3 + [senses.angle_noise] * 3, float)
+    sure[3:] = np.hypot(sure[3:], float(senses.resolution) / np.sqrt(12))
+    seen = np.concatenate([np.maximum(sure, _SURE), np.full(3 * c, _SURE)]) ** 2
+    drift = np.concatenate([np.asarray(unit), [1.0], np.full(3 * c, _SURE)])
+    drift = (DRIFT * drift) ** 2
+    L = filter_gains(linear, seen, drift)
+    if plan is None:
+        return L
+    return np.concatenate([_filtered(plan.A, np.diag(drift), seen, drift)[0], L])
 
 
 def linear_quadratic(
@@ -303,42 +258,61 @@ def linear_quadratic(
     *,
     price: float = 1.0,
     heading: float = 0.0,
+    launch: int = 0,
 ) -> Regulator:
     """The linear-quadratic regulator of an environment about the steady glide of its gait.
 
     It weighs a scaled unit of the state as much as half the range of an input. Where the
-    environment does not sense velocity, a Kalman filter estimates it.
+    environment does not sense velocity, a Kalman filter estimates it. The launch can be
+    planned: the inputs that make the same cost least from there on, within their limits, and
+    the gains along that flight.
 
     Args:
         environment: a case and how it is sampled and sensed.
         glide: the steady glide, of the environment's launch phase; by default it is sought.
         price: of the inputs, above 0.
         heading: yaw to fly at [rad].
+        launch: cycles over which the launch of the environment's case is planned, 0 to 20;
+            with 0 the feedback about the glide acts from the start.
 
     Raises:
-        ValueError: there is no steady glide, the inputs cannot stabilise it, or a number is
-            out of range.
+        ValueError: there is no steady glide, the inputs cannot stabilise it, no flight leads
+            to it, or a number is out of range.
     """
     check_range("price", price, "", 0, 1e6, low_open=True, shape=())
     check_range("heading", heading, "rad", -1e3, 1e3, shape=())
+    check_integer("launch", launch, 0, 20)
     plant, chosen = environment.plant, environment.chosen
     if glide is None:
         glide = steady_glide(environment.held, phase=float(plant.flight.phase))
     if not bool(glide.found):
         raise ValueError(f"there is no steady glide to regulate: {glide.why}")
-    start = start_of(glide.state, plant, chosen)
     samples = round(float(glide.period / plant.interval))
-    linear = linearised(start, plant, chosen, samples)
+    linear = linearised(start_of(glide.state, plant, chosen), plant, chosen, samples)
     unit = scales(environment.held, plant.flight.sections)
-    gains = riccati(linear, *weights(plant, chosen, unit, price))
-    L, senses = None, environment.senses
-    if not senses.velocity:
-        sure = np.array([senses.omega_noise] * 3 + [senses.angle_noise] * 3, float)
-        grain = float(senses.resolution) / np.sqrt(12)
-        sure[3:] = np.hypot(sure[3:], grain)
-        seen = np.concatenate([np.maximum(sure, _SURE), np.full(3 * len(chosen), _SURE)])
-        moved = np.concatenate([np.asarray(unit), [1.0], np.full(3 * len(chosen), _SURE)])
-        L = jnp.asarray(filter_gains(linear, seen**2, (DRIFT * moved) ** 2))
+    cost = weights(plant, chosen, unit, price)
+    gains = riccati(linear, *cost)
     turn = jnp.asarray(glide.turn_rate * glide.period)
-    told = plant.inputs, *limits(plant, chosen), turn, jnp.asarray(float(heading))
-    return Regulator(linear, jnp.asarray(gains.K), L, *told, chosen)
+    held = jnp.broadcast_to(plant.inputs[np.array(chosen)], (samples, len(chosen)))
+    told, K, jump, plan, along = held, gains.K, jnp.zeros_like(linear.states[0]), None, linear
+    if launch:
+        plan, missed = _planned(environment, gains, linear, turn, cost, launch)
+        told, K = jnp.concatenate([plan.inputs, held]), np.concatenate([plan.K, gains.K])
+        parts = zip((plan.states[:-1], plan.A, plan.B), linear, strict=True)
+        along, jump = Linear(*map(jnp.concatenate, parts)), jnp.asarray(missed)
+    L = None
+    if not environment.senses.velocity:
+        L = jnp.asarray(_observer(environment, linear, plan, unit))
+    return Regulator(
+        along,
+        jnp.asarray(K),
+        L,
+        told,
+        jump,
+        plant.inputs,
+        *limits(plant, chosen),
+        turn,
+        jnp.asarray(float(heading)),
+        chosen,
+        launch * samples,
+    )

@@ -9,7 +9,11 @@ from .objectives import (
     evaluate,
     glide_angle,
     glide_ratio,
+    heading_change,
+    height_lost,
     landing_distance,
+    landing_speed,
+    miss_distance,
     path_length,
     sink_rate,
     spectral_radius,
@@ -22,6 +26,7 @@ from .objectives import (
 )
 from .optimum import Optimum, Status, Verification, optimise, verify
 from .problem import Evaluation, Problem
+from .program import ProgramOptimum, optimise_program
 
 __all__ = [
     "OBJECTIVES",
@@ -31,6 +36,7 @@ __all__ = [
     "Objective",
     "Optimum",
     "Problem",
+    "ProgramOptimum",
     "Status",
     "Trial",
     "Verification",
@@ -39,8 +45,13 @@ __all__ = [
     "evaluate",
     "glide_angle",
     "glide_ratio",
+    "heading_change",
+    "height_lost",
     "landing_distance",
+    "landing_speed",
+    "miss_distance",
     "optimise",
+    "optimise_program",
     "path_length",
     "sink_rate",
     "spectral_radius",

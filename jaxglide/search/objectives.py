@@ -23,11 +23,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import check_choice, check_range
-from .._lib.numerics import safe_sqrt
+from .._lib.numerics import safe_sqrt, sincos
 from .._lib.types import Array, Float, Scalar
 from ..body.sections import discretise
 from ..flight.case import Case
-from ..flight.dynamics import Glider
+from ..flight.dynamics import VELOCITY, Glider
 from ..flight.ends import TURNS
 from ..flight.launch import Launch, published_speed
 from ..shape.kinematics import backbone
@@ -225,6 +225,67 @@ spectral_radius = Objective(
 """Largest modulus of that glide's multipliers, below 1 where it is stable. It has no derivative
 where two of the largest meet."""
 
+
+def _landing_speed(trial: Trial) -> Scalar:
+    velocity = trial.glide.state[VELOCITY]
+    return safe_sqrt(jnp.sum(velocity**2) + 2 * trial.glider.gravity * trial.height_left)
+
+
+def _heading_change(trial: Trial) -> Scalar:
+    v_x, v_y, _ = trial.glide.state[VELOCITY]
+    s, c = sincos(trial.launch.heading)
+    return jnp.rad2deg(jnp.arctan2(-v_x * c - v_y * s, v_y * c - v_x * s))
+
+
+landing_speed = Objective("landing_speed", "m/s", _landing_speed, sense=-1)
+"""Speed over the ground at the landing; after a tumble continued without air."""
+
+heading_change = Objective("heading_change", "deg", _heading_change)
+"""Direction of the velocity at the end, to the left of that of the launch, -180 to 180."""
+
+
+def miss_distance(x: float, y: float) -> Objective:
+    """Horizontal distance of the landing point from a target; after a tumble continued.
+
+    Args:
+        x, y: of the target, to the right and forward of the launch [m].
+
+    Raises:
+        ValueError: a number that is not finite.
+
+    Examples:
+        >>> from jaxglide import miss_distance
+        >>> miss_distance(0.0, 6.0).name
+        'miss_distance of (0, 6)'
+    """
+    check_range("x", x, "m", -1e6, 1e6, shape=())
+    check_range("y", y, "m", -1e6, 1e6, shape=())
+
+    def function(trial: Trial) -> Scalar:
+        at, v = trial.glide.state[:2], trial.glide.state[VELOCITY][:2]
+        return safe_sqrt(jnp.sum((at + trial.drop_time * v - jnp.array([x, y])) ** 2))
+
+    return Objective(f"miss_distance of ({x:g}, {y:g})", "m", function, sense=-1)
+
+
+def height_lost(glide_angle: float) -> Objective:
+    """Height that the launch costs: how much lower a glide at an angle all the way would have
+    needed to start for the same distance forward.
+
+    Args:
+        glide_angle: of the steady glide, below the horizontal [deg], above 0 and below 90.
+
+    Raises:
+        ValueError: it is not between them.
+    """
+    check_range(
+        "glide_angle", glide_angle, "deg", 0, 90, low_open=True, high_open=True, shape=()
+    )
+    slope = float(np.tan(np.deg2rad(glide_angle)))
+    name = f"height_lost before {glide_angle:g} deg"
+    return Objective(name, "m", lambda trial: trial.height - slope * trial.distance, sense=-1)
+
+
 OBJECTIVES = {
     objective.name: objective
     for objective in (
@@ -238,6 +299,8 @@ OBJECTIVES = {
         curvature,
         undulation_power,
         clearance,
+        landing_speed,
+        heading_change,
         steady_glide_angle,
         steady_sink_rate,
         spectral_radius,

@@ -6,6 +6,7 @@ from .drives import (
     AttitudeLaw,
     Planned,
     Programme,
+    Repeated,
     Running,
     inputs_of,
 )
@@ -39,6 +40,7 @@ __all__ = [
     "Observation",
     "Planned",
     "Programme",
+    "Repeated",
     "Running",
     "Serpenoid",
     "TabulatedMotion",

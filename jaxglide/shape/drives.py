@@ -22,7 +22,8 @@ from .shapes import as_module
 from .splines import check_knots, knots_of, spline
 
 _GAIT = ("theta_m", "psi_m", "nu_theta", "d_psi", "d_theta", "f_theta")
-_LINEAR = 0.9  # of a range, within which an actuator is linear
+LINEAR = 0.9
+"""Share of a limit up to which an actuator is linear."""
 
 
 def inputs_of(gait: Gait) -> Float[Array, "6"]:
@@ -130,6 +131,36 @@ class Planned(AbstractLaw):
 
     def __call__(self, time, observation):
         return self.programme.at(time)
+
+
+class Repeated(AbstractLaw):
+    """Inputs that repeat themselves every cycle: a periodic cubic spline in its phase.
+
+    Args:
+        inputs: at K equal parts of a cycle, the first at its start, (K, m), or K gaits, K at
+            least 2.
+        frequency: of the cycle [Hz], above 0.
+
+    Raises:
+        ValueError: fewer inputs, or a frequency that is not above 0.
+    """
+
+    inputs: Float[Array, "K m"] = eqx.field(
+        converter=given_inputs, metadata=about("", "inputs at the parts of a cycle")
+    )
+    frequency: Scalar = eqx.field(
+        converter=floats, metadata=about("Hz", "of the cycle", low=0, high=100, low_open=True)
+    )
+
+    def _check(self):
+        if self.inputs.ndim != 2 or len(self.inputs) < 2:
+            raise ValueError(f"inputs has shape {self.inputs.shape}: it must be (K, m), K >= 2")
+
+    def __call__(self, time, observation):
+        count = self.inputs.shape[0]
+        turned = jnp.mod(self.frequency * time, 1.0)
+        parts = tuple(k / count for k in range(count + 1))
+        return spline(parts, self.inputs, turned, "periodic").value
 
 
 class AttitudeLaw(AbstractLaw):
@@ -285,9 +316,9 @@ def soft(x, limit):
     Returns:
         The value and its first two derivatives; the second is continuous.
     """
-    width = (1 - _LINEAR) * limit
-    over = jnp.maximum(jnp.abs(x) - _LINEAR * limit, 0.0) / width
+    width = (1 - LINEAR) * limit
+    over = jnp.maximum(jnp.abs(x) - LINEAR * limit, 0.0) / width
     bent, side = jnp.tanh(over), jnp.sign(x)
-    value = jnp.where(over > 0, side * (_LINEAR * limit + width * bent), x)
+    value = jnp.where(over > 0, side * (LINEAR * limit + width * bent), x)
     slope = 1 - bent**2
     return value, slope, -2 * side * bent * slope / width

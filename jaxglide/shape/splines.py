@@ -21,11 +21,16 @@ def basis(knots: tuple[float, ...], ends: str = "clamped") -> np.ndarray:
     """Coefficients of every piece by every value, (K - 1, 5, K).
 
     Of powers 0 to 3 of the time from the piece's start; the last is the integral from the
-    first knot to there. `ends` is SciPy's boundary condition.
+    first knot to there. `ends` is SciPy's boundary condition; of a periodic spline the last
+    knot is the first again and has no value of its own: (K - 1, 5, K - 1).
     """
     from scipy.interpolate import CubicSpline, PPoly
 
-    pieces = CubicSpline(knots, np.eye(len(knots)), bc_type=ends)
+    values = np.eye(len(knots))
+    if ends == "periodic":
+        values = np.eye(len(knots) - 1)
+        values = np.concatenate([values, values[:1]])
+    pieces = CubicSpline(knots, values, bc_type=ends)
     whole = PPoly(pieces.c, pieces.x).antiderivative()
     powers = pieces.c[::-1].transpose(1, 0, 2)
     return np.concatenate([powers, whole(np.asarray(knots[:-1]))[:, None]], axis=1)
@@ -40,12 +45,18 @@ class Spline(NamedTuple):
     integral: Float[Array, " m"]
 
 
-def spline(knots: tuple[float, ...], values: Float[Array, "K m"], time: Scalar) -> Spline:
-    """The spline through values (K, m) at the knots [s], at a time [s]."""
+def spline(
+    knots: tuple[float, ...],
+    values: Float[Array, "K m"],
+    time: Scalar,
+    ends: str = "clamped",
+) -> Spline:
+    """The spline through values (K, m) at the knots [s], at a time [s]; `ends` as in
+    `basis`."""
     inside = jnp.clip(time, knots[0], knots[-1])
     i = jnp.clip(jnp.searchsorted(jnp.asarray(knots), inside, side="right") - 1, 0)
     i = jnp.minimum(i, len(knots) - 2)
-    c = jnp.asarray(basis(knots))[i] @ values
+    c = jnp.asarray(basis(knots, ends))[i] @ values
     x = inside - jnp.asarray(knots)[i]
     held = (time < knots[0]) | (time > knots[-1])
     value = c[0] + x * (c[1] + x * (c[2] + x * c[3]))

@@ -35,14 +35,8 @@ from jaxglide.control import (
 )
 from jaxglide.control.gym import GlideEnv, GlideVectorEnv
 from jaxglide.control.plant import INPUTS, Plant
-from jaxglide.control.regulator import (
-    YAW,
-    controlled_state,
-    filter_gains,
-    flight_state,
-    next_state,
-    riccati,
-)
+from jaxglide.control.regulator import filter_gains, riccati
+from jaxglide.control.sampled import YAW, controlled_state, flight_state, next_state
 from jaxglide.control.work import actuator_power, energy
 from jaxglide.flight.dynamics import RIGID, Flight, with_own_states
 

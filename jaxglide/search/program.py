@@ -63,9 +63,7 @@ class Program(eqx.Module):
         glider = actuated(case.glider, inputs, **dict(actuators or {}))
         if over == "phase":
             if "f_theta" in inputs:
-                raise ValueError(
-                    "f_theta cannot follow a programme over the phase that it sets"
-                )
+                raise ValueError("f_theta sets the phase: it cannot follow a programme over it")
             check_range("f_theta", gait.f_theta, "Hz", 0, 100, low_open=True)
             if until is not None:
                 raise ValueError("until is a time: a programme over the phase repeats itself")

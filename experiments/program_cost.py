@@ -28,7 +28,7 @@ from jaxglide.plot import style
 from jaxglide.search.evaluator import Evaluator
 from jaxglide.search.optimum import optimise
 from jaxglide.search.problem import Problem
-from jaxglide.search.program import Program
+from jaxglide.search.program import ProgramSpace
 
 KNOTS = 3, 10, 30, 100, 200
 SEEDS = 10
@@ -40,7 +40,7 @@ def problem_of(knots: int) -> tuple[Problem, list[dict[str, float]]]:
     """The problem, and where the seeds start."""
     body = Snake.from_svl(0.70, nodes=40, node_set="gauss")
     case = Case(Glider(body, Gait.from_degrees(), Polar.smooth()), Launch(height=10.0))
-    program = Program.of(case, ("d_psi",), knots, 2.5, "time", None)
+    program = ProgramSpace.of(case, ("d_psi",), knots, 2.5, "time", None)
     problem = Problem(landing_distance, program.bounds, case=program.case)
     return problem, program.guesses(SEEDS + 1, 0)[1:]
 

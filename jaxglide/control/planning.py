@@ -24,7 +24,7 @@ _SETTLED = 1e-4  # relative gain of a step that is the last
 _FIRM, _FIRMEST = 1e-6, 1e6  # regularisation, relative to the inputs' weights
 
 
-class Wanted(NamedTuple):
+class PlanGoal(NamedTuple):
     """What a plan is to come near to, and what that is worth.
 
     Attributes:
@@ -50,7 +50,7 @@ class Wanted(NamedTuple):
         return float(on_the_way + apart[-1] @ self.P @ apart[-1])
 
 
-class Plan(NamedTuple):
+class LaunchPlan(NamedTuple):
     """A flight from a launch, and the feedback that keeps to it.
 
     Attributes:
@@ -58,7 +58,7 @@ class Plan(NamedTuple):
         inputs: the chosen ones, (N, c).
         A, B: derivatives along it, (N, n, n), (N, n, c).
         K: gains about it, (N, c, n).
-        cost: see `Wanted.cost`.
+        cost: see `PlanGoal.cost`.
         gap: largest miss of a sample, scaled; 0 for a flight.
         iterations: steps taken.
     """
@@ -118,7 +118,7 @@ def _within(H, g, low, high):
     return d, free
 
 
-def _backwards(wanted: Wanted, states, inputs, A, B, gaps, firm: float):
+def _backwards(wanted: PlanGoal, states, inputs, A, B, gaps, firm: float):
     """Steps (N, c) and gains (N, c, n), and the gain that is expected of a whole step."""
     N, n, c = B.shape
     Vxx, Vx = 2 * wanted.P, 2 * wanted.P @ (states[-1] - wanted.states[-1])
@@ -156,7 +156,7 @@ class _Planner:
     """Steps of a plan; arguments as in `plan_launch`."""
 
     def __init__(
-        self, start, plant: Plant, chosen: tuple[int, ...], wanted: Wanted, count: int
+        self, start, plant: Plant, chosen: tuple[int, ...], wanted: PlanGoal, count: int
     ):
         self.start, self.flight, self.wanted = jnp.asarray(start), (plant, chosen), wanted
         self.times = plant.interval * jnp.arange(count)
@@ -194,8 +194,8 @@ class _Planner:
 
 
 def plan_launch(
-    start, plant: Plant, chosen: tuple[int, ...], wanted: Wanted, guess: Any, most: int = 50
-) -> Plan:
+    start, plant: Plant, chosen: tuple[int, ...], wanted: PlanGoal, guess: Any, most: int = 50
+) -> LaunchPlan:
     """The cheapest flight from a start, as far as steps that go down lead.
 
     Args:
@@ -222,4 +222,4 @@ def plan_launch(
     wide, none = wanted._replace(low=-free, high=free), np.zeros_like(here.gaps)
     K = -_backwards(wide, here.states, here.inputs, here.A, here.B, none, 0.0)[1]
     gap = float(np.abs(here.gaps * planner.scale).max())
-    return Plan(here.states, here.inputs, here.A, here.B, K, here.cost, gap, taken)
+    return LaunchPlan(here.states, here.inputs, here.A, here.B, K, here.cost, gap, taken)

@@ -14,7 +14,7 @@ from ..flight.launch import take_off
 from ..steady import SteadyGlide, steady_glide
 from ..steady.reduced import scales
 from .environment import Environment
-from .planning import CLOSED, Plan, Wanted, plan_launch
+from .planning import CLOSED, LaunchPlan, PlanGoal, plan_launch
 from .plant import Plant, linear_range
 from .policy import AbstractPolicy, Sensed, deviation
 from .sampled import YAW, Linear, controlled_state, linearised, start_of
@@ -226,7 +226,7 @@ def _planned(environment: Environment, gains: Gains, linear: Linear, turn, cost,
     states[:, YAW] += float(turn) * (samples // count)
     low, high = map(np.asarray, limits(plant, chosen))
     Q, R = cost
-    wanted = Wanted(states, np.asarray(held), Q, R, gains.P, low, high)
+    wanted = PlanGoal(states, np.asarray(held), Q, R, gains.P, low, high)
     fade = np.exp(-samples / _FADES)[:, None]
     guess = states + fade * (start - states[0]), np.tile(wanted.inputs, (len(samples) - 1, 1))
     plan = plan_launch(start, plant, chosen, wanted, guess)
@@ -238,7 +238,7 @@ def _planned(environment: Environment, gains: Gains, linear: Linear, turn, cost,
     return plan, plan.states[-1] - states[-1]
 
 
-def _observer(environment: Environment, linear: Linear, plan: Plan | None, unit):
+def _observer(environment: Environment, linear: Linear, plan: LaunchPlan | None, unit):
     """Gains of the observer along plan and glide."""
     senses, c = environment.senses, len(environment.chosen)
     sure = np.array([senses.omega_noise] * 3 + [senses.angle_noise] * 3, float)

@@ -28,7 +28,7 @@ _SPREAD = 0.1  # of half the range: how far a start's knots lie from the gait
 _COARSE = 6  # knots of a start's deviation: white noise would cancel itself
 
 
-class Program(eqx.Module):
+class ProgramSpace(eqx.Module):
     """Which knots there are, and where their values stand in a case.
 
     Attributes:
@@ -54,7 +54,7 @@ class Program(eqx.Module):
         until: float | None,
         over: str,
         actuators: Mapping[str, Any] | None,
-    ) -> "Program":
+    ) -> "ProgramSpace":
         """A programme of K knots; arguments as in `optimise_program`."""
         check_kind("case", case, Case)
         check_choice("over", over, tuple(_TABLE))
@@ -205,7 +205,7 @@ def optimise_program(
         >>> found.values.shape
         (3, 1)
     """
-    program = Program.of(case, inputs, knots, until, over, actuators)
+    program = ProgramSpace.of(case, inputs, knots, until, over, actuators)
     check_choice("shooting", shooting, ("single", "multiple"))
     check_integer("starts", starts, 1, 100_000)
     check_integer("steps", steps, 1, 1_000_000)
@@ -225,7 +225,7 @@ def optimise_program(
 
 
 def _flown_by(
-    program: Program, objective: Objective, best, value: float, found
+    program: ProgramSpace, objective: Objective, best, value: float, found
 ) -> ProgramOptimum:
     """A programme with the values found, by name."""
     factors = [parameters_of(Gait)[name].factor for name in program.inputs]

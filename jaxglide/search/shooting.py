@@ -58,7 +58,7 @@ class Pieces(eqx.Module):
     """A flight in pieces.
 
     Attributes:
-        program: a `Program`.
+        program: a `ProgramSpace`.
         start: state at launch, (s,).
         phase: launch phase [rad].
         moving: own states that are unknown at the pieces' starts: those of the inputs that
@@ -255,7 +255,7 @@ def shoot(program, objective: Objective, constraints, count: int | None, steps: 
     """Make a programme fly well in pieces.
 
     Args:
-        program: a `Program`.
+        program: a `ProgramSpace`.
         objective, constraints: what is wanted; of the flight they may ask for its end and the
             angles on the way, which are looked at where pieces meet.
         count: of pieces; by default as many as make them last 0.4 s at most.

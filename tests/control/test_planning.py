@@ -9,7 +9,7 @@ import pytest
 
 from jaxglide import Case, Gait, Glider, Launch, Polar, Snake, steady_glide
 from jaxglide.control import Constant, Environment, Senses, controlled_flight, linear_quadratic
-from jaxglide.control.planning import Wanted, plan_launch
+from jaxglide.control.planning import PlanGoal, plan_launch
 from jaxglide.control.regulator import limits, riccati, scales, weights
 from jaxglide.control.sampled import controlled_state, next_state
 
@@ -41,7 +41,7 @@ def planned(environment, glide):
 
 
 @pytest.fixture(scope="module")
-def asked(environment, planned) -> tuple[Any, Wanted]:
+def asked(environment, planned) -> tuple[Any, PlanGoal]:
     """The same problem, posed to the planner itself."""
     plant, chosen = environment.plant, environment.chosen
     linear = jax.tree.map(lambda x: x[planned.launch :], planned.linear)
@@ -51,7 +51,7 @@ def asked(environment, planned) -> tuple[Any, Wanted]:
     held = np.asarray(plant.inputs)[list(chosen)]
     low, high = map(np.asarray, limits(plant, chosen))
     start = np.asarray(planned.linear.states[0])
-    return start, Wanted(states, held, *cost, P, low, high)
+    return start, PlanGoal(states, held, *cost, P, low, high)
 
 
 def flown(environment, start, inputs) -> np.ndarray:

@@ -27,7 +27,7 @@ from jaxglide import (
     stability_margin,
 )
 from jaxglide.control.plant import INPUTS
-from jaxglide.search.program import Program
+from jaxglide.search.program import ProgramSpace
 from jaxglide.search.shooting import CLOSED
 
 D_PSI = INPUTS.index("d_psi")
@@ -119,7 +119,7 @@ def test_a_cycle_repeats_itself_smoothly():
 
 
 def test_over_the_phase_knots_are_parts_of_a_cycle(case):
-    program = Program.of(case, ("d_psi", "d_theta"), 4, None, "phase", None)
+    program = ProgramSpace.of(case, ("d_psi", "d_theta"), 4, None, "phase", None)
     assert program.knots == (0.0, 0.25, 0.5, 0.75)
     assert len(program.names) == 8
     first, second = program.guesses(2, 0)

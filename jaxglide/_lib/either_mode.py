@@ -87,12 +87,13 @@ class _Rule:
         pull: of cotangents, point and fixed the same, differentiable in any mode.
         second: the rule of `both`, from which of point, direction and fixed move, in a row.
         jacobian: `forward` and `back` with a Jacobian by forward mode.
+        batch: whether it is that of a batch.
     """
 
-    def __init__(self, both, forward, back, pull, second, jacobian):
+    def __init__(self, both, forward, back, pull, second, jacobian, batch=False):
         self.both = jax.jit(both)  # traced once for the same shapes
         self.back, self.pull, self.second = back, pull, second
-        self.jacobian = jacobian
+        self.jacobian, self.batch = jacobian, batch
         self.forward = jax.custom_jvp(forward)
         self.forward.defjvp(self._forward_jvp, symbolic_zeros=True)
 
@@ -161,8 +162,8 @@ class _Rule:
 
     def batched(self, size: int, point, direction, fixed, kept=None) -> "_Rule":
         """Of many, along axes of point, direction and fixed, None where one holds for all; the
-        axis of all else is in front. `kept` are those of what was kept; where nothing was yet
-        it will be a Jacobian, for not all of a solve's reverse mode allows an axis more."""
+        axis of all else is in front. `kept` are those of what was kept, if anything was yet.
+        Of batches in a batch a Jacobian is, for Diffrax's checkpoints allow no axis more."""
 
         def many(function, *axes):
             return jax.vmap(function, axes, axis_size=size)
@@ -182,17 +183,19 @@ class _Rule:
             moved, held = ([a for a, m in axes if m is which] for which in (True, False))
             return self.second(moving, sizes).batched(size, moved, moved, held)
 
-        with_jacobian = many(self.jacobian[0], point, fixed)
-        across = of_direction(many(self.jacobian[1], 0, point, fixed, 0))
-        back = across if kept is None else of_direction(many(self.back, 0, point, fixed, kept))
-        return _Rule(
-            many(self.both, point, direction, fixed),
-            with_jacobian,
-            back,
-            of_direction(many(self.pull, 0, point, fixed)),
-            second,
-            (with_jacobian, across),
+        jacobian = (
+            many(self.jacobian[0], point, fixed),
+            of_direction(many(self.jacobian[1], 0, point, fixed, 0)),
         )
+        if kept is None and self.batch:
+            forward, back = jacobian
+        else:
+            forward = many(self.forward, point, fixed)
+            places = 0 if kept is None else kept
+            back = of_direction(many(self.back, 0, point, fixed, places))
+        both = many(self.both, point, direction, fixed)
+        pull = of_direction(many(self.pull, 0, point, fixed))
+        return _Rule(both, forward, back, pull, second, jacobian, batch=True)
 
 
 def _with_jacobian(both, point, fixed):

@@ -96,3 +96,45 @@ def test_one_number_of_many_is_differentiated_in_reverse():
     rates = jnp.linspace(0.1, 1.0, 8)
     gradient = jax.jit(jax.grad(mean_decay))(rates)
     np.testing.assert_allclose(gradient, -np.exp(-rates) / 8, rtol=1e-9)
+
+
+def test_a_batch_of_many_numbers_is_differentiated_in_reverse():
+    """In either order of grad and vmap, what is shared by the batch among it."""
+    modes = []
+
+    @either_mode
+    def solve(start, rates, *, adjoint):
+        modes.append(type(adjoint))
+        return jnp.mean(end_of_decay(start, rates, adjoint)[0])
+
+    def shared(rates, starts):
+        return jnp.sum(jax.vmap(solve, (0, None))(starts, rates))
+
+    starts, rates = jnp.array([1.0, 2.0, 4.0]), jnp.linspace(0.1, 1.0, 8)
+    gradients = jax.jit(jax.grad(shared, (0, 1)))(rates, starts)
+    assert diffrax.RecursiveCheckpointAdjoint in modes
+    np.testing.assert_allclose(gradients[0], -7 * np.exp(-rates) / 8, rtol=1e-9)
+    np.testing.assert_allclose(gradients[1], [np.exp(-rates).mean()] * 3, rtol=1e-9)
+    modes.clear()
+    each = jax.jit(jax.vmap(jax.grad(solve, 1), (0, None)))(starts, rates)
+    assert diffrax.RecursiveCheckpointAdjoint in modes
+    expected = np.multiply.outer(starts, -np.exp(-rates) / 8)
+    np.testing.assert_allclose(each, expected, rtol=1e-9)
+    own = jnp.stack([rates, 2 * rates, 3 * rates])
+    of_own = jax.jit(jax.grad(lambda own: jnp.sum(jax.vmap(solve)(starts, own))))(own)
+    np.testing.assert_allclose(of_own, -starts[:, None] * np.exp(-own) / 8, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_batches_in_a_batch_are_differentiated_too():
+    starts, rates = jnp.array([1.0, 2.0]), jnp.linspace(0.1, 1.0, 8)
+    own = jnp.stack([rates, 2 * rates])
+
+    def means(own):
+        return jax.vmap(jax.vmap(lambda start, rates: decay(start, rates)["end"].mean()))(
+            jnp.stack([starts, 3 * starts]), jnp.stack([own, own])
+        )
+
+    found = jax.jit(jax.grad(lambda own: jnp.sum(means(own))))(own)
+    expected = -4 * starts[:, None] * np.exp(-own) / 8
+    np.testing.assert_allclose(found, expected, rtol=1e-9)

@@ -57,7 +57,7 @@ def alone(problem, x):
 @pytest.fixture(scope="module")
 def flights():
     limit = stability_margin.at_least(10.0, scale=10.0)
-    return Problem(landing_distance, FREE, limit, setup=SETUP)
+    return Problem(landing_distance, FREE, (limit,), setup=SETUP)
 
 
 @pytest.fixture(scope="module")

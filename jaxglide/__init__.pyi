@@ -7,6 +7,7 @@ from .body import AbstractBody, Sections, Snake, TabulatedBody, discretise, mass
 from .control import (
     AbstractPolicy,
     Constant,
+    Controller,
     Environment,
     Flown,
     Plant,
@@ -17,6 +18,7 @@ from .control import (
     actuator_power,
     controlled_flight,
     linear_quadratic,
+    retrace,
 )
 from .ensemble.steady import steady_sweep
 from .ensemble.study import Study
@@ -108,6 +110,7 @@ from .shape import (
     Repeated,
     Running,
     Serpenoid,
+    Stepped,
     TabulatedMotion,
     Waveform,
     shape_line,
@@ -155,6 +158,7 @@ __all__ = [
     "Case",
     "Constant",
     "Constraint",
+    "Controller",
     "Coordinates",
     "Driven",
     "Elements",
@@ -197,6 +201,7 @@ __all__ = [
     "ShearWind",
     "Snake",
     "SteadyGlide",
+    "Stepped",
     "StillAir",
     "Study",
     "SweepTheory",
@@ -248,6 +253,7 @@ __all__ = [
     "path_length",
     "pitch_moment",
     "reconstruct",
+    "retrace",
     "save",
     "shape_line",
     "simulate",

@@ -13,6 +13,8 @@ VERSION = 2
 TITLES = {
     "glide": "A glide of a flying snake or another body",
     "trajectory": "A piece of flight of a flying snake or another body",
+    "controller": "What steers a flying snake, and the flight that it is for",
+    "controlled flights": "Random flights under control, by the law that steers",
     "steady glide": "A steady glide of a flying snake or another body",
     "glides": "Glides of many cases, of a sweep",
     "shape space": "Glides of the published shape space",

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import xarray as xr
 
+    from ..control import Controller
     from ..flight.trajectory import AbstractTrajectory
     from ..steady import SteadyGlide
+    from .controllers import controller_dataset, controller_of
     from .glides import glide_dataset
     from .logs import log_dataset
     from .restore import flight_of
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from .steady import steady_dataset, steady_of
 
 __all__ = [
+    "controller_dataset",
+    "controller_of",
     "flight_of",
     "glide_dataset",
     "log_dataset",
@@ -31,6 +35,8 @@ __all__ = [
     "steady_of",
 ]
 _WHERE = {
+    "controller_dataset": "controllers",
+    "controller_of": "controllers",
     "flight_of": "restore",
     "glide_dataset": "glides",
     "log_dataset": "logs",
@@ -56,11 +62,11 @@ def open(path: str | Path) -> Any:
 
     Returns:
         A saved glide as a `Glide`, a piece of flight as a `Trajectory`; between its saved
-        times it is interpolated linearly. A `SteadyGlide`, or a tuple of them, to the bit. A
-        study file as a `Study`. Every other result as the Dataset that it was; of a store
-        that is partly filled, cases that were not computed have outcome -1 and NaN everywhere
-        else. A flight with a part of the user's own, whose class no file holds, comes back
-        as a Dataset, and a warning says so.
+        times it is interpolated linearly. A `SteadyGlide`, or a tuple of them, and a
+        `Controller`, to the bit. A study file as a `Study`. Every other result as the Dataset
+        that it was; of a store that is partly filled, cases that were not computed have
+        outcome -1 and NaN everywhere else. A flight with a part of the user's own, whose
+        class no file holds, comes back as a Dataset, and a warning says so.
 
     Raises:
         FileNotFoundError: there is nothing of that name.
@@ -88,12 +94,14 @@ def open(path: str | Path) -> Any:
         return log_dataset(path)
     from .._lib.formats import kind_of
     from .._lib.records import OwnPartError
+    from .controllers import controller_of
     from .restore import flight_of
     from .saved import open_dataset
     from .steady import steady_of
 
     data = open_dataset(path)
     made = {"glide": flight_of, "trajectory": flight_of, "steady glide": steady_of}
+    made |= {"controller": controller_of}
     make = made.get(kind_of(data) or "")
     if make is None:
         return data
@@ -105,14 +113,15 @@ def open(path: str | Path) -> Any:
 
 
 def save(
-    result: "xr.Dataset | AbstractTrajectory | SteadyGlide | tuple[SteadyGlide, ...]",
+    result: "xr.Dataset | AbstractTrajectory | Controller | SteadyGlide | tuple",
     path: str | Path,
 ) -> Path:
     """Write a result as a NetCDF file, for `open`.
 
     Args:
-        result: a glide or trajectory that kept its path (`dense=True`), a `SteadyGlide` or
-            the tuple that `steady_glides` gives, or the Dataset of any other result.
+        result: a glide or trajectory that kept its path (`dense=True`), a `Controller`, a
+            `SteadyGlide` or the tuple that `steady_glides` gives, or the Dataset of any other
+            result.
         path: the file (.nc).
 
     Returns:
@@ -135,8 +144,10 @@ def save(
 
     from .._lib.formats import kind_of
     from .._lib.writing import write_netcdf
+    from ..control import Controller
     from ..flight.trajectory import AbstractTrajectory
     from ..steady import SteadyGlide
+    from .controllers import controller_dataset
     from .glides import glide_dataset
     from .steady import steady_dataset
 
@@ -145,6 +156,8 @@ def save(
         raise ValueError(f"path = {str(path)!r}: the name must end in .nc")
     if isinstance(result, AbstractTrajectory):
         result = glide_dataset(result)
+    elif isinstance(result, Controller):
+        result = controller_dataset(result)
     elif isinstance(result, SteadyGlide | tuple):
         result = steady_dataset(result)
     if not isinstance(result, xr.Dataset):

@@ -11,6 +11,7 @@ import xarray as xr
 
 from .._lib.units import labelled
 from ..body.sections import Sections, discretise
+from ..control import histories
 from ..ensemble.records import stamp
 from ..flight.case import Case
 from ..flight.dynamics import (
@@ -62,7 +63,7 @@ def glide_dataset(flown: AbstractTrajectory, frames: int = 201) -> xr.Dataset:
     times = flown.sample_times(frames)
     states, now = np.asarray(flown.at(times)), reconstruct(flown, times)
     rows = _trajectory(flown, states, now) | _wind(flown, times, states)
-    rows |= _elements(states, now) | _start(flown)
+    rows |= _elements(states, now) | _start(flown) | _inputs(flown, times)
     variables = {
         name: (row.dims, np.asarray(row.values), labelled(row.unit, row.long_name))
         for name, row in rows.items()
@@ -136,6 +137,19 @@ def _wind(flown: AbstractTrajectory, times, states: np.ndarray) -> dict[str, _Ro
             "velocity of the centre of mass through the air there, inertial axes",
         ),
     }
+
+
+def _inputs(flown: AbstractTrajectory, times) -> dict[str, _Row]:
+    """Of a flight under control, where actuators were, what they were told, their ranges."""
+    rows = {}
+    for one in histories(flown, times):
+        said = f"actuator of {one.name} ({one.meaning})"
+        rows[one.name] = _Row(("time",), one.position, one.unit, f"position of the {said}")
+        rows[f"{one.name}_told"] = _Row(("time",), one.told, one.unit, f"told to the {said}")
+        for end in ("low", "high"):
+            limit = f"{end}est position of the {said}"
+            rows[f"{one.name}_{end}"] = _Row((), getattr(one, end), one.unit, limit)
+    return rows
 
 
 def _elements(states: np.ndarray, now: Elements) -> dict[str, _Row]:

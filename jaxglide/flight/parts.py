@@ -27,6 +27,7 @@ _MOTIONS = (
     shape.Actuated,
     shape.AttitudeLaw,
     shape.Planned,
+    shape.Stepped,
     shape.TabulatedMotion,
 )
 _AIRS = (air.StillAir, air.UniformWind, air.ShearWind, air.Gust, air.Turbulence)

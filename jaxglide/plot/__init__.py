@@ -12,6 +12,7 @@ from .body import bent_bodies, body_shape, body_view
 from .branch import branch
 from .coefficients import force_coefficients, glide_polar_figure, morphology
 from .compare import before_and_after
+from .control import phase_portrait, response, share_landed
 from .flights import distances, every_flight, measured_and_simulated
 from .forces import along_body, along_body_lines, along_body_map, forces
 from .glide import angles, side_view, speeds, top_view
@@ -68,9 +69,12 @@ __all__ = [
     "moments_in_time",
     "morphology",
     "paths",
+    "phase_portrait",
     "region_outlines",
+    "response",
     "sensitivity_map",
     "shape_heatmaps",
+    "share_landed",
     "side_view",
     "spectrum",
     "speeds",

@@ -28,7 +28,7 @@ _LEAST, _TALLEST = 15.0, 100.0  # of the views [mm]
 _LEGEND_COLUMN, _LEGEND_ROW = 23.0, 5.0  # heights of the legend [mm]
 
 
-def _legend(figure: Figure, glide: AbstractTrajectory, **where) -> None:
+def legend_of(figure: Figure, glide: AbstractTrajectory, **where) -> None:
     """What the lines and marks of both views mean."""
     handles = [
         Line2D([], [], color=FAINT, lw=0.7, label="centre of mass"),
@@ -75,10 +75,10 @@ def lay_out(
         ax.yaxis.set_label_coords(-7.4 / (ax.get_position().width * COLUMN_WIDTH), 0.5)
     if below:
         corner = (1 - _RIGHT / COLUMN_WIDTH, base / height)
-        _legend(figure, glide, loc="lower right", bbox_to_anchor=corner)
+        legend_of(figure, glide, loc="lower right", bbox_to_anchor=corner)
     else:
         above = (0.5, 1 - 7.0 / height)
-        _legend(figure, glide, loc="upper center", bbox_to_anchor=above, ncols=5)
+        legend_of(figure, glide, loc="upper center", bbox_to_anchor=above, ncols=5)
 
 
 @style()

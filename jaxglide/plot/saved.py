@@ -20,6 +20,7 @@ from .atlas import stable_atlas
 from .bending import bending_grid
 from .body import bent_bodies, body_shape
 from .branch import branch
+from .control import drawn_names, phase_portrait, response, share_landed
 from .flights import measured_and_simulated
 from .forces import along_body_map, forces
 from .glide import angles, side_view
@@ -89,6 +90,7 @@ def draw(
         "trajectory": _glide,
         "steady glide": _steady,
         "steady branch": _branch,
+        "controlled flights": _landed,
         "optimisation": _optimisation,
         "held glides": _held,
         "measured flights": _measured,
@@ -107,8 +109,13 @@ def _glide(data: xr.Dataset, wanted: Wanted) -> Drawing:
     name = wanted.variable
     if wanted.x or wanted.y or wanted.at:
         return _variable(data, wanted)
+    controlled = any(str(one).endswith("_told") for one in data)
+    if name is None and controlled:
+        return Drawing(response(flight_of(data)), "the flight, and what it was told")
     if name is None:
         return Drawing(glide_overview(flight_of(data)), "the glide")
+    if name == "portrait":
+        return Drawing(phase_portrait(flight_of(data)), "angles against their rates")
     if name == "forces":
         return Drawing(forces(data), "forces over time and body")
     if name in ("position", "angles"):
@@ -135,6 +142,14 @@ def _branch(data: xr.Dataset, wanted: Wanted) -> Drawing:
     if wanted.nothing:
         return Drawing(branch(data), "the branch, and where it is stable")
     return _variable(data, wanted)
+
+
+def _landed(data: xr.Dataset, wanted: Wanted) -> Drawing:
+    drawn = drawn_names(data)
+    if wanted.variable or wanted.y or wanted.at or not drawn:
+        return _variable(data, wanted)
+    by = wanted.x or drawn[0]
+    return _alone(share_landed(data, by), f"share of flights that land over {by}")
 
 
 _SHAPES = ("theta", "psi", "waves", "body", "bends")

@@ -8,6 +8,7 @@ from .drives import (
     Programme,
     Repeated,
     Running,
+    Stepped,
     inputs_of,
 )
 from .gait import Gait, shape_line, wave_phase, waves
@@ -43,6 +44,7 @@ __all__ = [
     "Repeated",
     "Running",
     "Serpenoid",
+    "Stepped",
     "TabulatedMotion",
     "Waveform",
     "backbone",

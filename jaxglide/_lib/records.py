@@ -50,8 +50,9 @@ def encode(value: Any) -> Any:
     if isinstance(value, eqx.Module):
         fields = dataclasses.fields(value)  # type: ignore[arg-type]
         return {CLASS: _name(type(value))} | {f.name: _field(value, f) for f in fields}
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        named = zip(value._fields, value, strict=True)
+    names = getattr(value, "_fields", None)
+    if isinstance(value, tuple) and names is not None:
+        named = zip(names, value, strict=True)
         return {CLASS: _name(type(value))} | {name: encode(one) for name, one in named}
     if isinstance(value, tuple | list):
         return [encode(one) for one in value]

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import check_kind
+from ..flight.case import Case
 from ..flight.dynamics import six_degrees_of_freedom
 from .environment import Environment
 from .plant import INPUTS
@@ -108,6 +109,29 @@ def environment_samples(environment: Environment) -> int:
     """Samples in a cycle of the waves."""
     gait: Any = environment.held.gait
     return round(1 / float(environment.plant.interval * gait.f_theta))
+
+
+def arguments_of(environment: Environment) -> dict[str, Any]:
+    """What makes the environment again, but for rounding: arguments of `Environment`."""
+    plant, chosen = environment.plant, environment.chosen
+    drive, names = plant.drive, [INPUTS[k] for k in environment.chosen]
+    ends = np.stack([np.asarray(drive.low), np.asarray(drive.high)], axis=1).tolist()
+    rates = np.asarray(drive.rate_limit).tolist()
+    return {
+        "case": Case(environment.held, environment.case.launch, environment.case.ends),
+        "inputs": names,
+        "samples": environment_samples(environment),
+        "vary": {name: tuple(map(float, both)) for name, both in environment.bounds.items()},
+        "senses": environment.senses,
+        "fall": float(environment.fall),
+        "step": float(plant.interval / plant.steps),
+        "actuators": {
+            "natural_frequency": float(drive.natural_frequency),
+            "damping": float(drive.damping),
+            "ranges": {INPUTS[k]: ends[k] for k in chosen},
+            "rates": {INPUTS[k]: rates[k] for k in chosen},
+        },
+    }
 
 
 @eqx.filter_jit

@@ -10,7 +10,6 @@ import numpy as np
 
 from .._lib.checks import check_kind
 from .._lib.fields import parameters_of
-from .._lib.types import Array, Float
 from ..flight.dynamics import ANGLES, RIGID
 from ..flight.solve import settings_of
 from ..flight.trajectory import AbstractTrajectory, Trajectory
@@ -94,7 +93,10 @@ def retrace(environment: Environment, flown: Flown, key) -> Trajectory:
     path = _steps(plant, samples, states, told, held)
     times, states = _whole(flown, samples[0], states[0], *map(np.asarray, path))
     drive = plant.drive
-    law = Stepped(samples + float(plant.late * plant.interval), told)
+    since = samples + float(plant.late * plant.interval)
+    if plant.late:  # until then what the gait holds
+        since, told = np.append(samples[0], since), np.concatenate([held[:1], told])
+    law = Stepped(since, told)
     glider = plant.flight.glider
     glider = eqx.tree_at(
         lambda g: g.gait.drive, glider, eqx.tree_at(lambda d: d.law, drive, law)
@@ -111,6 +113,7 @@ def retrace(environment: Environment, flown: Flown, key) -> Trajectory:
         max_steps=len(times),
         dense=True,
     )
+    interpolation: Any = diffrax.LinearInterpolation(*map(jnp.asarray, (times, states)))
     return Trajectory(
         glider=glider,
         settings=settings,
@@ -124,7 +127,7 @@ def retrace(environment: Environment, flown: Flown, key) -> Trajectory:
         accepted=jnp.asarray(len(times) - 1),
         rejected=jnp.asarray(0),
         states=None,
-        interpolation=diffrax.LinearInterpolation(*map(jnp.asarray, (times, states))),
+        interpolation=interpolation,
     )
 
 
@@ -134,7 +137,7 @@ def _whole(flown: Flown, first, start, times, states):
     times, states = times.ravel(), states.reshape(-1, last.size)
     # a step is made twice where a delay ends; at the end of the flight it stands still
     least = 1e-9 * max(end, 1.0)
-    rising = np.diff(np.append(first, times)) > least
+    rising = np.asarray(np.diff(times, prepend=first), float) > least
     before = rising & (times < end - least)
     parts = [first], times[before], [end]
     return np.concatenate(parts), np.concatenate([[start], states[before], [last]])
@@ -155,8 +158,8 @@ class History(NamedTuple):
     name: str
     unit: str
     meaning: str
-    position: Float[Array, " T"]
-    told: Float[Array, " T"]
+    position: np.ndarray
+    told: np.ndarray
     low: float
     high: float
 
@@ -172,28 +175,25 @@ def histories(flight: AbstractTrajectory, times) -> list[History]:
     if not (isinstance(gait, Driven) and isinstance(gait.shape, Serpenoid)):
         return []
     drive = gait.drive
-    if (
-        not (isinstance(drive, Actuated) and isinstance(drive.law, Stepped))
-        or drive.low is None
-    ):
+    if not (isinstance(drive, Actuated) and isinstance(drive.law, Stepped)):
         return []
+    if drive.low is None or drive.high is None:
+        return []
+    lows, highs = np.asarray(drive.low), np.asarray(drive.high)
     states = np.asarray(flight.at(times))[:, RIGID:][:, : len(INPUTS)]
     law, found = drive.law, []
     row = np.searchsorted(np.asarray(law.times), np.asarray(times), side="right") - 1
-    told = np.where(
-        row[:, None] < 0, np.asarray(drive.initial), np.asarray(law.inputs)[np.maximum(row, 0)]
-    )
+    told = np.asarray(law.inputs)[np.maximum(row, 0)]
     for k, name in enumerate(INPUTS):
-        low, high = float(drive.low[k]), float(drive.high[k])
+        low, high = float(lows[k]), float(highs[k])
         middle, half = (high + low) / 2, (high - low) / 2
         if half > _FREE:
             continue
         known = parameters_of(Gait)[name]
         position = middle + np.asarray(soft(states[:, k] - middle, half)[0])
-        numbers = position, told[:, k], low, high
-        found.append(
-            History(name, known.unit, known.meaning, *(n / known.factor for n in numbers))
-        )
+        ends = low / known.factor, high / known.factor
+        of_time = position / known.factor, told[:, k] / known.factor
+        found.append(History(name, known.unit, known.meaning, *of_time, *ends))
     return found
 
 

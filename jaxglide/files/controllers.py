@@ -1,6 +1,7 @@
 """Controllers as data, and made whole again: arrays by name, and records of what holds them."""
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -14,11 +15,10 @@ from .._lib.checks import check_kind
 from .._lib.formats import kind_of
 from .._lib.records import CLASS, Registry, decode, encode
 from .._lib.units import labelled
-from ..control.controller import Controller, check_model, environment_samples, launch_rate
+from ..control.controller import Controller, arguments_of, check_model, launch_rate
 from ..control.plant import INPUTS
 from ..control.regulator import Linear
-from ..ensemble.records import stamp
-from ..flight.case import Case
+from ..ensemble.records import outcome_flags, stamp
 from ..flight.parts import PARTS
 from .restore import or_refuse
 
@@ -58,7 +58,7 @@ def controller_dataset(controller: Controller) -> xr.Dataset:
     policy = _plain(controller.policy)
     policy = jax.tree_util.tree_map_with_path(stored, policy)
     record = {"policy": encode(policy), "environment": _described(environment)}
-    variables = {
+    variables: dict[str, Any] = {
         name: ([f"{name}_{k}" for k in range(values.ndim)], values, labelled("mixed", name))
         for name, values in arrays.items()
     }
@@ -92,26 +92,14 @@ def _plain(policy: Any) -> Any:
 
 
 def _described(environment: control.Environment) -> dict[str, Any]:
-    """What makes an environment again."""
-    plant, drive = environment.plant, environment.plant.drive
-    chosen = list(environment.chosen)
-    ranges = np.stack([np.asarray(drive.low), np.asarray(drive.high)], axis=1)[chosen]
-    return {
-        CLASS: "Environment",
-        "case": encode(Case(environment.held, environment.case.launch, environment.case.ends)),
-        "inputs": [INPUTS[k] for k in chosen],
-        "samples": environment_samples(environment),
-        "vary": [
-            [name, *np.asarray(ends).tolist()] for name, ends in environment.bounds.items()
-        ],
-        "senses": encode(environment.senses),
-        "fall": float(environment.fall),
-        "step": float(plant.interval / plant.steps),
-        "natural_frequency": float(drive.natural_frequency),
-        "damping": float(drive.damping),
-        "ranges": ranges.tolist(),
-        "rates": np.asarray(drive.rate_limit)[chosen].tolist(),
-    }
+    """What makes an environment again, as a record."""
+    known = arguments_of(environment)
+    own = known.pop("actuators")
+    vary = [[name, *both] for name, both in known.pop("vary").items()]
+    parts = {name: encode(known.pop(name)) for name in ("case", "senses")}
+    numbers = {name: own[name] for name in ("natural_frequency", "damping")}
+    by_input = {name: [*own[name].values()] for name in ("ranges", "rates")}
+    return {CLASS: "Environment", **parts, **known, "vary": vary, **numbers, **by_input}
 
 
 def _environment(
@@ -167,15 +155,12 @@ def _network(weights, biases) -> eqx.nn.MLP:
     )
 
 
-def _turn(*, regulator, pace, settle, forward) -> Any:
-    """A coordinated turn; what a turn adds follows from its regulator."""
-    return control.CoordinatedTurn(regulator, float(pace), float(settle))
-
-
 def _registry(data: xr.Dataset) -> Registry:
     """What may be made from a controller's record."""
 
     def stored(name):
+        if name not in data:
+            raise ValueError(f"it lacks {name}")
         values = data[name].values
         if values.dtype.kind not in "biuf":
             raise ValueError(f"{name} holds {values.dtype.name} values, no numbers")
@@ -186,7 +171,7 @@ def _registry(data: xr.Dataset) -> Registry:
     names = "Constant", "Regulator", "GainScheduled", "NeuralPolicy", "Waypoints"
     laws = {name: getattr(control, name) for name in names if hasattr(control, name)}
     made = {"Environment": _environment, "Stored": stored, "Network": _network}
-    own = {"Linear": Linear, "Senses": control.Senses, "CoordinatedTurn": _turn}
+    own = {"Linear": Linear, "Senses": control.Senses}
     return {**PARTS, **laws, **made, **own}
 
 
@@ -215,3 +200,28 @@ def _controller(data: xr.Dataset) -> Controller:
     policy = decode(record["policy"], registry)
     check_model(data[_RATE].values, check_kind("environment", environment, control.Environment))
     return Controller(policy, environment)
+
+
+def flights_dataset(tables: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Random flights of several laws as one dataset, along `law` and `flight`.
+
+    Args:
+        tables: of `evaluate_policy`, by what steered.
+    """
+    several = [table.drop_attrs(deep=False) for table in tables.values()]
+    data = xr.concat(several, xr.Variable("law", list(tables)), combine_attrs="override")
+    words = {
+        "outcome": ("", "how the flight ended"),
+        "landed": ("", "whether it reached the ground"),
+        "time": ("s", "duration of the flight"),
+        "position": ("m", "centre of mass at the end: right, forward, up"),
+        "angles": ("rad", "yaw, pitch, roll at the end"),
+    }
+    for name in data.data_vars:
+        known = data[name].attrs
+        unit, said = words.get(str(name), (str(known.get("units", "")), f"drawn {name}"))
+        data[name].attrs = labelled(unit, said)
+    said = next(iter(tables.values()))["outcome"].attrs["words"]
+    data["outcome"].attrs |= outcome_flags(dict(enumerate(said)))
+    data["landed"] = data["landed"].astype(np.int8)
+    return stamp(data, {}, "controlled flights")

@@ -163,36 +163,6 @@ class Repeated(AbstractLaw):
         return spline(parts, self.inputs, turned, "periodic").value
 
 
-class Stepped(AbstractLaw):
-    """Inputs that stay as they are from one time to the next, whatever the flight does.
-
-    Args:
-        times: from which on the inputs are told, since launch [s], rising, (K,); the first
-            are told before it too.
-        inputs: told then, (K, m), or K gaits.
-
-    Raises:
-        ValueError: times that do not rise, or not as many inputs.
-    """
-
-    times: Float[Array, " K"] = eqx.field(
-        converter=floats, metadata=about("s", "times of new inputs")
-    )
-    inputs: Float[Array, "K m"] = eqx.field(
-        converter=given_inputs, metadata=about("", "inputs told")
-    )
-
-    def _check(self):
-        if self.inputs.shape[:1] != self.times.shape:
-            raise ValueError(f"inputs has shape {self.inputs.shape}: times {self.times.shape}")
-        if not is_traced(self.times) and np.any(np.diff(self.times) <= 0):
-            raise ValueError("times must increase")
-
-    def __call__(self, time, observation):
-        told = jnp.searchsorted(self.times, time, side="right") - 1
-        return self.inputs[jnp.maximum(told, 0)]
-
-
 class AttitudeLaw(AbstractLaw):
     """Inputs that answer to attitude and turning, proportionally.
 
@@ -224,6 +194,36 @@ class AttitudeLaw(AbstractLaw):
         if self.rate_gain is None:
             return wanted
         return wanted - self.rate_gain @ observation.omega
+
+
+class Stepped(AbstractLaw):
+    """Inputs that stay as they are from one time to the next, whatever the flight does.
+
+    Args:
+        times: from which on the inputs are told, since launch [s], rising, (K,); the first
+            are told before it too.
+        inputs: told then, (K, m), or K gaits.
+
+    Raises:
+        ValueError: times that do not rise, or not as many inputs.
+    """
+
+    times: Float[Array, " K"] = eqx.field(
+        converter=floats, metadata=about("s", "times of new inputs")
+    )
+    inputs: Float[Array, "K m"] = eqx.field(
+        converter=given_inputs, metadata=about("", "inputs told")
+    )
+
+    def _check(self):
+        if self.inputs.shape[:1] != self.times.shape:
+            raise ValueError(f"inputs has shape {self.inputs.shape}: times {self.times.shape}")
+        if not is_traced(self.times) and np.any(np.diff(self.times) <= 0):
+            raise ValueError("times must increase")
+
+    def __call__(self, time, observation):
+        told = jnp.searchsorted(self.times, time, side="right") - 1
+        return self.inputs[jnp.maximum(told, 0)]
 
 
 class Actuated(AbstractDrive):

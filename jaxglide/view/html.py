@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ _MODULES = (
 # What moves, each T times so many numbers; the page reads them in this order.
 _FIELDS = (
     *("times", "centre", "velocity", "axes", "angles"),
-    *("nodes", "chordwise", "dorsal", "lift", "drag"),
+    *("nodes", "chordwise", "dorsal", "lift", "drag", "inputs", "told"),
 )
 
 
@@ -85,11 +86,13 @@ def view(
     title: str | None = None,
     rate: float = 60.0,
     force_scale: float | None = None,
+    policies: Sequence[Any] | None = None,
 ) -> Page:
     """An interactive view of one glide, or of several on one clock, as one HTML file.
 
     It plays, pauses and scrubs; the camera follows or stays; forces, path, axes and labels
-    can be hidden; yaw, pitch, roll and height run beside it. It needs no network.
+    can be hidden; yaw, pitch, roll and height run beside it, and of a flight under control
+    (see `retrace`) the inputs that were told and reached. It needs no network.
 
     Args:
         glides: a glide, or several, simulated with `dense=True`; or pieces of flight, such as
@@ -100,16 +103,18 @@ def view(
         rate: frames a second of flight [1/s]; the page draws between them.
         force_scale: height of a force sheet for its force per length of body [m per N/m],
             chosen to suit by default.
+        policies: what steered the glides, one each: headings are drawn beside the yaw,
+            points stand on the ground.
 
     Returns:
         The page: `page.html`, `page.save(path)`; it shows itself in a notebook.
 
     Raises:
         ValueError: a glide kept no trajectory, is a batch, is not finite or has no duration;
-            not one label a glide; rate or force_scale out of range.
+            not one label or policy a glide; rate or force_scale out of range.
         OSError: the file cannot be written.
     """
-    scenes = scenes_of(glides, labels, rate)
+    scenes = scenes_of(glides, labels, rate, policies)
     scale = scale_of(scenes, force_scale)
     page = Page(_document(scenes, title_of(glides, title), scale), title_of(glides, title))
     if path is not None:
@@ -151,6 +156,7 @@ def _stations(stations: _loft.Stations) -> dict:
 
 def _described(scene: Scene, colour: str) -> dict:
     """What the page must know of a glide besides the numbers that move."""
+    heading, points = scene.target
     return {
         "label": scene.label,
         "ended": scene.ended,
@@ -162,6 +168,9 @@ def _described(scene: Scene, colour: str) -> dict:
         "covered": scene.covered,
         "body": _stations(scene.body()),
         "head": _stations(scene.head()),
+        "steered": [one._asdict() for one in scene.steered],
+        "heading": None if heading is None else float(np.rad2deg(heading)),
+        "points": [] if points is None else np.asarray(points, float).tolist(),
     }
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,6 +12,7 @@ import numpy as np
 from .._lib.checks import check_range
 from ..body.sections import discretise, surface_nodes
 from ..body.snake import Snake
+from ..control import Target, histories, target_of
 from ..flight.dynamics import ANGLES, POSITION, VELOCITY, Flight, elements
 from ..flight.glide import Glide
 from ..flight.trajectory import AbstractTrajectory
@@ -26,6 +28,18 @@ Flights = AbstractTrajectory | Sequence[AbstractTrajectory]
 _CHUNK = 64  # frames a call: one compilation serves glides of any duration
 _MOST_FRAMES = 20_000
 _SHEET = 0.3  # height of the tallest force sheets, of SVL
+
+
+class Steered(NamedTuple):
+    """An input that was set.
+
+    Attributes:
+        name: in words.
+        unit: that people read.
+    """
+
+    name: str
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -46,6 +60,9 @@ class Scene:
         nodes: positions of the nodes [m], (T, n, 3), snout first.
         chordwise, dorsal: unit vectors along the chord and out of the back, (T, n, 3).
         lift, drag: forces per length of body [N/m], (T, n, 3).
+        steered: inputs that were set, none of a flight without control.
+        inputs, told: where their actuators were, and what they were told, (T, c).
+        target: where it was steered to.
     """
 
     label: str
@@ -64,9 +81,19 @@ class Scene:
     dorsal: np.ndarray
     lift: np.ndarray
     drag: np.ndarray
+    steered: tuple[Steered, ...]
+    inputs: np.ndarray
+    told: np.ndarray
+    target: Target
 
     @classmethod
-    def of(cls, glide: AbstractTrajectory, label: str = "", rate: float = 60.0) -> "Scene":
+    def of(
+        cls,
+        glide: AbstractTrajectory,
+        label: str = "",
+        rate: float = 60.0,
+        policy: Any = None,
+    ) -> "Scene":
         """The scene of a glide.
 
         Args:
@@ -74,6 +101,7 @@ class Scene:
                 starts at 0.
             label: what to call it.
             rate: frames a second [1/s], up to 1000; the end of the glide is one more frame.
+            policy: what steered it, if anything.
 
         Raises:
             ValueError: the glide kept no trajectory, is a batch, is not finite or lasts no
@@ -91,7 +119,8 @@ class Scene:
             head_fraction=float(body.head_fraction) if isinstance(body, Snake) else 0.0,
             fraction=np.asarray(sections.fraction)[nodes],
             chord=np.asarray(sections.chord)[nodes],
-            **moving,
+            target=target_of(policy),
+            **(_steered(glide, moving["times"] + start) | moving),
         )
 
     @property
@@ -160,7 +189,9 @@ def _times(end: float, rate: float) -> np.ndarray:
     return np.append(times, end)
 
 
-def _moving(glide: AbstractTrajectory, start: float, times: np.ndarray):
+def _moving(
+    glide: AbstractTrajectory, start: float, times: np.ndarray
+) -> tuple[Any, dict[str, Any]]:
     """The body at its nodes, and the fields of a scene that change in time since a start."""
     padded = np.append(times, np.full(-len(times) % _CHUNK, times[-1])) + start
     padded = np.minimum(padded, float(glide.time))  # the sum may be a rounding later
@@ -170,6 +201,17 @@ def _moving(glide: AbstractTrajectory, start: float, times: np.ndarray):
     fields = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     fields = {name: field[: len(times)] for name, field in fields.items()}
     return computed[0][0], {"times": times, **fields}
+
+
+def _steered(glide: AbstractTrajectory, times: np.ndarray) -> dict[str, Any]:
+    """The fields of a scene that tell of control."""
+    found = histories(glide, np.minimum(times, float(glide.time)))
+    none = np.zeros((len(times), 0))
+    return {
+        "steered": tuple(Steered(one.meaning.split(",")[0], one.unit) for one in found),
+        "inputs": np.stack([one.position for one in found], axis=1) if found else none,
+        "told": np.stack([one.told for one in found], axis=1) if found else none,
+    }
 
 
 @eqx.filter_jit
@@ -217,11 +259,12 @@ def scenes_of(
     glides: Flights,
     labels: Sequence[str] | None,
     rate: float,
+    policies: Sequence[Any] | None = None,
 ) -> list[Scene]:
     """Scenes of one glide or of several, checked and named.
 
     Raises:
-        ValueError: no glides, not one label a glide, or as `Scene.of`.
+        ValueError: no glides, not one label or policy a glide, or as `Scene.of`.
     """
     several = [glides] if isinstance(glides, AbstractTrajectory) else list(glides)
     if not several:
@@ -236,7 +279,11 @@ def scenes_of(
         names = [as_text(label) for label in labels]
     if len(names) != len(several):
         raise ValueError(f"labels has {len(names)} for {len(several)} glides: one a glide")
-    return [Scene.of(g, name, rate) for g, name in zip(several, names, strict=True)]
+    steering = [None] * len(several) if policies is None else list(policies)
+    if len(steering) != len(several):
+        raise ValueError(f"policies has {len(steering)} for {len(several)} glides: one a glide")
+    each = zip(several, names, steering, strict=True)
+    return [Scene.of(glide, name, rate, policy) for glide, name, policy in each]
 
 
 def scale_of(scenes: Sequence[Scene], force_scale: float | None = None) -> float:

@@ -1,22 +1,48 @@
-// Yaw, pitch, roll and height against time, with a cursor at the time shown.
+// Yaw, pitch, roll and height against time, and the inputs of a glide that is steered, with a
+// cursor at the time shown.
 import uPlot from "./uPlot.esm.js";
 
-const CHARTS = [["Yaw", "°", 0], ["Pitch", "°", 1], ["Roll", "°", 2], ["Height", "m", 3]];
+const ANGLES = ["Yaw", "Pitch", "Roll"];
+const UNITS = { "deg/SVL": "° per SVL", deg: "°" };
 const INK = "#4a5660";
 const FONT = '11px system-ui, "Helvetica Neue", Arial, sans-serif';
 
-function values(glide, column) {
-  const { angles, centre } = glide.fields;
-  return Array.from({ length: glide.frames }, (_, i) => (
-    column < 3 ? angles[3 * i + column] : centre[3 * i + 2]
+// A column of a field: its values frame by frame, and now; null where a glide has none.
+function column(field, width, at) {
+  const all = (glide, name) => Array.from({ length: glide.frames }, (_, i) => (
+    glide.fields[name][width(glide) * i + at(glide)] ?? null
   ));
+  return {
+    values: (glide) => (at(glide) < 0 ? Array(glide.frames).fill(null) : all(glide, field)),
+    now: (glide) => (at(glide) < 0 ? null : glide.now[field][at(glide)]),
+  };
 }
 
-function range(low, high, column) {
+// What the charts show: value and, where there is one, what was wanted.
+function subjects(glides) {
+  const none = (glide) => Array(glide.frames).fill(null);
+  const angles = ANGLES.map((name, k) => ({
+    name, unit: "°", least: 20, wanted: none, ...column("angles", () => 3, () => k),
+  }));
+  angles[0].wanted = (glide) => Array(glide.frames).fill(glide.heading);
+  const inputs = new Map(glides.flatMap((glide) => glide.steered.map((one) => [one.name, one])));
+  const steered = [...inputs.values()].map(({ name, unit }) => {
+    const place = (glide) => glide.steered.findIndex((one) => one.name === name);
+    const width = (glide) => glide.steered.length;
+    return {
+      name: name[0].toUpperCase() + name.slice(1), unit: UNITS[unit] ?? unit, least: 0,
+      wanted: column("told", width, place).values, ...column("inputs", width, place),
+    };
+  });
+  const height = { name: "Height", unit: "m", wanted: none, ...column("centre", () => 3, () => 2) };
+  return [...angles, ...steered, height];
+}
+
+function range(low, high, least) {
   const pad = 0.08 * Math.max(high - low, 1);
-  if (column === 3) return [0, high + pad];
-  const least = Math.max(0, 20 - (high - low)) / 2;
-  return [low - pad - least, high + pad + least];
+  if (least === undefined) return [0, high + pad];
+  const more = Math.max(0, least - (high - low)) / 2;
+  return [low - pad - more, high + pad + more];
 }
 
 function axis(side, more) {
@@ -26,37 +52,43 @@ function axis(side, more) {
   };
 }
 
-function options(glides, column, last) {
+function options(glides, subject, last) {
   return {
     width: 200, height: 100, padding: [8, 8, last ? 0 : 8, 0],
     cursor: { show: false }, legend: { show: false },
-    scales: { x: { time: false }, y: { range: (_, low, high) => range(low, high, column) } },
+    scales: { x: { time: false }, y: { range: (_, low, high) => range(low, high, subject.least) } },
     axes: [
       axis(2, { size: last ? 30 : 0, space: 40, labelSize: 14, labelFont: FONT,
         values: (_, ticks) => (last ? ticks.map((t) => `${+t.toFixed(2)} s`) : ticks.map(() => "")) }),
       axis(3, { size: 40, space: 17, values: (_, ticks) => ticks.map((t) => String(+t.toFixed(2)).replace("-", "\u2212")) }),
     ],
-    series: [{}, ...glides.map((glide) => ({
-      stroke: glide.colour, width: 1.8, spanGaps: true, points: { show: false },
-    }))],
+    series: [{}, ...glides.flatMap((glide) => [
+      { stroke: glide.colour, width: 1.8, spanGaps: true, points: { show: false } },
+      {
+        stroke: glide.colour, width: 1, dash: [4, 3], alpha: 0.75, spanGaps: true,
+        points: { show: false },
+      },
+    ])],
   };
 }
 
 class Chart {
-  constructor(place, glides, [name, unit, column], last, seek) {
+  constructor(place, glides, subject, last, seek) {
     this.glides = glides;
-    this.column = column;
+    this.subject = subject;
     this.box = document.createElement("figure");
     this.title = document.createElement("figcaption");
-    this.title.textContent = `${name} (${unit})`;
+    this.title.textContent = `${subject.name} (${subject.unit})`;
     this.plot = document.createElement("div");
     this.plot.setAttribute("role", "img");
-    this.plot.setAttribute("aria-label", `${name} against time; click to go to a time`);
+    this.plot.setAttribute("aria-label", `${subject.name} against time; click to go to a time`);
     this.box.append(this.title, this.plot);
     place.append(this.box);
-    const series = glides.map((glide) => [[...glide.fields.times], values(glide, column)]);
+    const series = glides.map((glide) => (
+      [[...glide.fields.times], subject.values(glide), subject.wanted(glide)]
+    ));
     const data = series.length > 1 ? uPlot.join(series) : series[0];
-    this.chart = new uPlot(options(glides, column, last), data, this.plot);
+    this.chart = new uPlot(options(glides, subject, last), data, this.plot);
     this.cursor = document.createElement("div");
     this.cursor.className = "cursor";
     this.dots = glides.map((glide) => {
@@ -88,7 +120,9 @@ class Chart {
     const x = this.chart.valToPos(time, "x");
     this.cursor.style.transform = `translateX(${x}px)`;
     this.glides.forEach((glide, index) => {
-      const now = this.column < 3 ? glide.now.angles[this.column] : glide.now.centre[2];
+      const now = this.subject.now(glide);
+      this.dots[index].hidden = now === null;
+      if (now === null) return;
       const left = this.chart.valToPos(glide.now.times[0], "x");
       const top = this.chart.valToPos(now, "y");
       this.dots[index].style.transform = `translate(${left}px, ${top}px)`;
@@ -98,8 +132,9 @@ class Chart {
 
 export class Charts {
   constructor(place, glides, seek) {
-    this.charts = CHARTS.map((about, index) => (
-      new Chart(place, glides, about, index === CHARTS.length - 1, seek)
+    const shown = subjects(glides);
+    this.charts = shown.map((subject, index) => (
+      new Chart(place, glides, subject, index === shown.length - 1, seek)
     ));
     this.time = 0;
     new ResizeObserver(() => {

@@ -3,6 +3,7 @@
 const WIDTHS = [
   ["times", 1], ["centre", 3], ["velocity", 3], ["axes", 9], ["angles", 3],
   ["nodes", 0], ["chordwise", 0], ["dorsal", 0], ["lift", 0], ["drag", 0],
+  ["inputs", null], ["told", null],
 ];
 
 // Cuts the numbers of all glides into named arrays, frame after frame.
@@ -11,7 +12,7 @@ export function glidesOf(about, numbers) {
   return about.glides.map((given) => {
     const glide = { ...given, fields: {}, now: {} };
     for (const [name, width] of WIDTHS) {
-      const each = width || 3 * given.nodes;
+      const each = width === null ? given.steered.length : width || 3 * given.nodes;
       const count = each * given.frames;
       glide.fields[name] = numbers.subarray(place, place + count);
       glide.now[name] = new Float32Array(each);

@@ -1,7 +1,7 @@
 // The scene in space and the camera that looks at it.
 import * as THREE from "three";
 import { OrbitControls } from "./OrbitControls.js";
-import { extent, ground, lights, mast } from "./surroundings.js";
+import { extent, ground, lights, mast, posts } from "./surroundings.js";
 import { snake } from "./snake.js";
 
 const FOV = 38;
@@ -27,6 +27,7 @@ export class Stage {
     ));
     this.box = extent(glides, (index) => this.shiftOf(index));
     this.surroundings = [ground(this.box), mast(this.box)];
+    this.surroundings.push(...glides.map((glide) => posts(glide, this.box.top)));
     this.scene.add(lights(), ...this.surroundings.map((part) => part.group));
     this.scene.add(...this.snakes.map((part) => part.group));
     this.target = new THREE.Vector3();

@@ -25,6 +25,10 @@ export function extent(glides, shift) {
       box.y = [Math.min(box.y[0], centre[i + 1]), Math.max(box.y[1], centre[i + 1])];
       box.top = Math.max(box.top, centre[i + 2]);
     }
+    for (const [x, y] of glide.points) {
+      box.x = [Math.min(box.x[0], x), Math.max(box.x[1], x)];
+      box.y = [Math.min(box.y[0], y), Math.max(box.y[1], y)];
+    }
   }
   return box;
 }
@@ -98,6 +102,24 @@ export function ground(box) {
     text.position.set(side + 0.3, y, 0.02);
     words.add(text);
   }
+  return { group, words };
+}
+
+// Posts with numbers at the points that a glide is steered to.
+export function posts(glide, top) {
+  const group = new THREE.Group();
+  const words = new THREE.Group();
+  const tall = Math.max(0.5, 0.08 * top);
+  const lines = glide.points.flatMap(([x, y]) => [x, y, 0, x, y, tall]);
+  glide.points.forEach(([x, y], index) => {
+    const text = label(String(index + 1), { colour: glide.colour });
+    text.position.set(x, y, 1.1 * tall);
+    words.add(text);
+  });
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.Float32BufferAttribute(lines, 3));
+  const material = new THREE.LineBasicMaterial({ color: glide.colour });
+  group.add(new THREE.LineSegments(geometry, material), words);
   return { group, words };
 }
 

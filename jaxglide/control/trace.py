@@ -71,9 +71,9 @@ def retrace(environment: Environment, flown: Flown, key) -> Trajectory:
         >>> law, key = Constant(environment.plant.inputs), jax.random.key(0)
         >>> flown = controlled_flight(environment, law, key, 20)
         >>> print(retrace(environment, flown, key))
-        Flight from 0.0000 s: landed at 0.6868 s
-          end point      x 0.0195   y 1.0655   z 0.0000 m
-          solver steps   82 accepted, 0 rejected
+        Flight from 0.0000 s: landed at 0.7128 s
+          end point        x -0.0075   y 1.2976   z 0.0000 m
+          solver steps     89 accepted, 0 rejected
     """
     check_kind("environment", environment, Environment)
     check_kind("flown", flown, Flown)

@@ -35,6 +35,7 @@ MAIN = (
 LONG = (
     *(
         "averaged_glide",
+        "Controller",
         "Environment",
         "cache",
         "equilibrium",
@@ -42,6 +43,7 @@ LONG = (
         "optimise",
         "optimise_program",
         "reconstruct",
+        "retrace",
         "standard_deviation",
         "steady_branch",
         "steady_glide",

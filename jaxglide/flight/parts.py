@@ -27,6 +27,7 @@ _MOTIONS = (
     shape.Actuated,
     shape.AttitudeLaw,
     shape.Planned,
+    shape.Repeated,
     shape.Stepped,
     shape.TabulatedMotion,
 )

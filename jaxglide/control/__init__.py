@@ -2,10 +2,13 @@
 
 from .controller import Controller
 from .environment import Environment, Flown, Moved, Senses, Situation, controlled_flight
+from .evaluation import evaluate_policy
+from .laws import GainScheduled, NeuralPolicy
 from .plant import Held, Plant, actuated
 from .policy import AbstractPolicy, Constant, Sensed
 from .regulator import Regulator, linear_quadratic
 from .trace import History, Target, histories, retrace, target_of
+from .training import Trained, train_policy
 from .work import actuator_power
 
 __all__ = [
@@ -14,20 +17,25 @@ __all__ = [
     "Controller",
     "Environment",
     "Flown",
+    "GainScheduled",
     "Held",
     "History",
     "Moved",
+    "NeuralPolicy",
     "Plant",
     "Regulator",
     "Sensed",
     "Senses",
     "Situation",
     "Target",
+    "Trained",
     "actuated",
     "actuator_power",
     "controlled_flight",
+    "evaluate_policy",
     "histories",
     "linear_quadratic",
     "retrace",
     "target_of",
+    "train_policy",
 ]

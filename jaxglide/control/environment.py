@@ -1,5 +1,6 @@
 """A flight as an environment: pure `reset` and `step`, disturbed, sensed as an animal might."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -72,12 +73,14 @@ class Moved(NamedTuple):
         sensed: there.
         reward: forward distance gained [m], less `fall` where the flight did not land.
         over: whether it has ended.
+        landed: whether it has landed.
     """
 
     situation: Situation
     sensed: Sensed
     reward: Scalar
     over: Bool[Array, ""]
+    landed: Bool[Array, ""]
 
 
 class Environment(eqx.Module):
@@ -157,24 +160,30 @@ class Environment(eqx.Module):
         self.fall = jnp.asarray(float(fall))
         self.chosen = tuple(INPUTS.index(name) for name in inputs)
 
+    def drawn(self, key) -> dict[str, Scalar]:
+        """What `vary` makes of a key: values by path, in the unit that people read.
+
+        Args:
+            key: of JAX's random numbers.
+        """
+        keys = jax.random.split(jax.random.split(key)[0], len(self.bounds) + 1)
+        return {
+            name: low + (high - low) * jax.random.uniform(one, dtype=low.dtype)
+            for one, (name, (low, high)) in zip(keys[1:], self.bounds.items(), strict=True)
+        }
+
     def reset(self, key) -> tuple[Situation, Sensed]:
         """A flight at its launch, drawn, and what is sensed there.
 
         Args:
             key: of JAX's random numbers.
         """
-        drawn, later = jax.random.split(key)
-        keys = jax.random.split(drawn, len(self.bounds) + 1)
-        values = {
-            name: low + (high - low) * jax.random.uniform(one, dtype=low.dtype)
-            for one, (name, (low, high)) in zip(keys[1:], self.bounds.items(), strict=True)
-        }
+        values, later = self.drawn(key), jax.random.split(key)[1]
         case = self.case.replace(values) if values else self.case
         sections = discretise(case.glider.body)
         begun = take_off(case.glider, case.launch, sections)
         flight = Flight(case.glider, sections, begun.phi_theta)
-        known = self.plant
-        plant = Plant(flight, known.interval, case.ends, known.steps, known.late)
+        plant = dataclasses.replace(self.plant, flight=flight, ends=case.ends)
         none = jnp.zeros((), jnp.int32)
         flying = plant.launched(begun.state)
         situation = Situation(plant, flying, none, plant.inputs, later)
@@ -193,9 +202,10 @@ class Environment(eqx.Module):
         later, sensed = self._sense(later)
         gained = flying.state[POSITION][1] - before.state[POSITION][1]
         new = flying.over & ~before.over
-        landed = plant.finish(flying).outcome == Outcome.LANDED
+        ended = plant.finish(jax.lax.stop_gradient(flying))
+        landed = flying.over & (ended.outcome == Outcome.LANDED)
         reward = gained - jnp.where(new & ~landed, self.fall, 0.0)
-        return Moved(later, sensed, reward, flying.over)
+        return Moved(later, sensed, reward, flying.over, landed)
 
     def _sense(self, situation: Situation) -> tuple[Situation, Sensed]:
         state, senses = situation.flying.state, self.senses

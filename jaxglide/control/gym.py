@@ -1,7 +1,7 @@
 """The environment for libraries of reinforcement learning: Gymnasium's interface.
 
 Needs the extra `jaxglide[gym]`. Actions are -1 to 1 for the range of every input that is set;
-observations are plain vectors (see `observed`).
+observations are plain vectors (see `policy.observed`).
 """
 
 from typing import Any, ClassVar
@@ -14,27 +14,8 @@ import numpy as np
 
 from .._lib.checks import check_integer, check_kind
 from .environment import Environment
-from .policy import Sensed
+from .policy import observed
 from .regulator import limits
-
-_TURNING = 0.1  # by which angular velocities and rates of actuators come to about one
-
-
-def observed(sensed: Sensed, chosen: tuple[int, ...]) -> jax.Array:
-    """What is sensed, but for velocity and height, as numbers of order one, (8 + 2 c,).
-
-    Sine and cosine of the waves' phase, yaw, pitch, roll [rad], angular velocity [10 rad/s],
-    positions and rates [10 a second] of the actuators.
-    """
-    index = jnp.array(chosen)
-    parts = [
-        jnp.stack([jnp.sin(sensed.phase), jnp.cos(sensed.phase)]),
-        sensed.angles,
-        _TURNING * sensed.omega,
-        sensed.positions[index],
-        _TURNING * sensed.rates[index],
-    ]
-    return jnp.concatenate(parts)
 
 
 class _Spaces:

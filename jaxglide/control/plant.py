@@ -169,6 +169,7 @@ class Plant(eqx.Module):
         ends: what ends a flight.
         steps: of the solver in an interval (static).
         late: share of an interval that passes before new inputs are told (static).
+        backward: whether derivatives are taken backwards, or forwards (static).
     """
 
     flight: Flight
@@ -176,6 +177,7 @@ class Plant(eqx.Module):
     ends: tuple[AbstractEnd, ...]
     steps: int = eqx.field(static=True)
     late: float = eqx.field(static=True, default=0.0)
+    backward: bool = eqx.field(static=True, default=False)
 
     @classmethod
     def of(
@@ -238,12 +240,13 @@ class Plant(eqx.Module):
         """Fly on for a share of an interval, with inputs held; what is over stays."""
         flight, count = self.told(inputs), max(1, int(np.ceil(share * self.steps - 1e-9)))
         t0, length = flying.time, share * self.interval / count
-        inside = _SOLVER.init(_TERM, t0, t0 + length, flying.state, flight)
+        solver = _BACKWARD if self.backward else _SOLVER
+        inside = solver.init(_TERM, t0, t0 + length, flying.state, flight)
 
         def one(carry, k):
             now, inside = carry
             t = t0 + k * length
-            moved: Any = _SOLVER.step(_TERM, t, t + length, now.state, flight, inside, False)
+            moved: Any = solver.step(_TERM, t, t + length, now.state, flight, inside, False)
             ended = now.over | ~jnp.all(jnp.isfinite(moved[0]))
             if self.ends:
                 ended |= jnp.min(clearance(self.ends, t + length, moved[0])) <= 0
@@ -295,5 +298,5 @@ class Plant(eqx.Module):
         return Ended(outcome, time, state)
 
 
-_SOLVER = diffrax.Dopri5(scan_kind="lax")
+_SOLVER, _BACKWARD = diffrax.Dopri5(scan_kind="lax"), diffrax.Dopri5()
 _TERM: Any = diffrax.ODETerm(six_degrees_of_freedom)  # type: ignore[arg-type]

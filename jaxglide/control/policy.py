@@ -1,7 +1,7 @@
 """What sets the inputs of a plant: the seam for a controller that is sampled."""
 
 import abc
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -35,7 +35,13 @@ class Sensed(NamedTuple):
 
 
 class AbstractPolicy(eqx.Module):
-    """Inputs from what is sensed, sample by sample. Pure; everything may be traced."""
+    """Inputs from what is sensed, sample by sample. Pure; everything may be traced.
+
+    Attributes:
+        learns: names of the fields that `train_policy` changes (class variable).
+    """
+
+    learns: ClassVar[tuple[str, ...]] = ()
 
     def start(self) -> Any:
         """What it remembers at launch, a tree of arrays; by default nothing."""
@@ -73,3 +79,23 @@ def deviation(sensed: Sensed, state, chosen: tuple[int, ...]) -> Float[Array, " 
     """How far what is sensed is from a controlled state, the yaw the short way round."""
     apart = sensed_state(sensed, chosen) - state
     return apart.at[8].set(jnp.mod(apart[8] + jnp.pi, 2 * jnp.pi) - jnp.pi)
+
+
+_TURNING = 0.1  # by which angular velocities and rates of actuators come to about one
+
+
+def observed(sensed: Sensed, chosen: tuple[int, ...]) -> Float[Array, " o"]:
+    """What is sensed, but for velocity and height, as numbers of order one, (8 + 2 c,).
+
+    Sine and cosine of the waves' phase, yaw, pitch, roll [rad], angular velocity [10 rad/s],
+    positions and rates [10 a second] of the actuators.
+    """
+    index = jnp.array(chosen)
+    parts = [
+        jnp.stack([jnp.sin(sensed.phase), jnp.cos(sensed.phase)]),
+        sensed.angles,
+        _TURNING * sensed.omega,
+        sensed.positions[index],
+        _TURNING * sensed.rates[index],
+    ]
+    return jnp.concatenate(parts)

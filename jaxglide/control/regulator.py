@@ -159,32 +159,40 @@ class Regulator(AbstractPolicy):
     launch: int = eqx.field(static=True, default=0)
 
     def start(self):
-        none = jnp.zeros_like(self.linear.states[0])
-        return none, jnp.zeros(len(self.chosen))
+        return jnp.zeros_like(self.linear.states[0])
 
-    def _place(self, sample):
+    def place(self, sample):
         """Row of a sample, and cycles flown at the glide."""
         later, count = sample - self.launch, self.K.shape[0] - self.launch
         row = jnp.where(later < 0, sample, self.launch + later % count)
         return row, jnp.maximum(later, 0) // count
 
-    def __call__(self, memory, sensed: Sensed):
-        k, cycles = self._place(sensed.sample)
+    def estimate(self, memory, sensed: Sensed) -> Float[Array, " n"]:
+        """How far it is from plan or glide, by what is sensed and was estimated, (n,)."""
+        k, cycles = self.place(sensed.sample)
         reference = self.linear.states[k].at[YAW].add(self.heading + self.turn * cycles)
-        apart, before = deviation(sensed, reference, self.chosen), memory[1]
+        apart = deviation(sensed, reference, self.chosen)
         apart = apart.at[YAW].set(jnp.clip(apart[YAW], -REACH, REACH))
-        if self.L is not None:
-            last, _ = self._place(sensed.sample - 1)
-            expected = self.linear.A[last] @ memory[0] + self.linear.B[last] @ before
-            expected += jnp.where(sensed.sample == self.launch, self.jump, 0.0)
-            first = sensed.sample == 0
-            seen = apart[SENSED.start :]
-            guess = jnp.zeros_like(apart).at[SENSED.start :].set(seen)
-            moved = expected + self.L[k] @ (seen - expected[SENSED.start :])
-            apart = jnp.where(first, guess, moved)
-        wanted = jnp.clip(self.told[k] - self.K[k] @ apart, self.low, self.high)
-        index = jnp.array(self.chosen)
-        return self.inputs.at[index].set(wanted), (apart, wanted - self.told[k])
+        if self.L is None:
+            return apart
+        last, _ = self.place(sensed.sample - 1)
+        before = sensed.told[np.array(self.chosen)] - self.told[last]
+        expected = self.linear.A[last] @ memory + self.linear.B[last] @ before
+        expected += jnp.where(sensed.sample == self.launch, self.jump, 0.0)
+        seen = apart[SENSED.start :]
+        guess = jnp.zeros_like(apart).at[SENSED.start :].set(seen)
+        moved = expected + self.L[k] @ (seen - expected[SENSED.start :])
+        return jnp.where(sensed.sample == 0, guess, moved)
+
+    def within(self, k, change: Float[Array, " c"]) -> Float[Array, "6"]:
+        """Inputs that differ from those of a row by a change (c,), within the limits, (6,)."""
+        wanted = jnp.clip(self.told[k] + change, self.low, self.high)
+        return self.inputs.at[np.array(self.chosen)].set(wanted)
+
+    def __call__(self, memory, sensed: Sensed):
+        k, _ = self.place(sensed.sample)
+        apart = self.estimate(memory, sensed)
+        return self.within(k, -self.K[k] @ apart), apart
 
 
 def weights(plant: Plant, chosen: tuple[int, ...], scales, price: float = 1.0):

@@ -39,6 +39,7 @@ LONG = (
         "Environment",
         "cache",
         "equilibrium",
+        "evaluate_policy",
         "integrate",
         "optimise",
         "optimise_program",

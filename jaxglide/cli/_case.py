@@ -215,7 +215,7 @@ def _add_parts(parser: argparse.ArgumentParser, held: bool) -> None:
     group.add_argument("--end", action="append", default=[], metavar="KIND=VALUE", help=text)
 
 
-def _air(args) -> dict[str, Any]:
+def air_of(args) -> dict[str, Any]:
     """The table of the air."""
     given = args.given
     for name in given:
@@ -279,7 +279,7 @@ def tables_of(args) -> dict[str, Any]:
     tables: dict[str, Any] = {
         "body": {"node_set": nodes["node_set"], "nodes": nodes["nodes"]},
         "polar": {"file": polar} if isinstance(polar, Path) else {"name": polar},
-        "air": _air(args),
+        "air": air_of(args),
     }
     if getattr(args, "body", None) is not None:
         tables["body"]["file"] = args.body

@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from .._lib.version import VERSION
@@ -22,6 +22,9 @@ COMMANDS = {
     "improve": {
         "gradient": "the gradient of an objective, with its check",
         "optimise": "search for the best gait by gradients",
+    },
+    "steer": {
+        "control": "fly a snake that steers itself, and compare what steers it",
     },
     "measured flights": {
         "measure": "from motion capture to gait",
@@ -99,12 +102,21 @@ class _Completion(argparse.Action):
         assert isinstance(parser, Root)
         root = parser.whole()
         places = {"FILE": shtab.FILE, "FOLDER": shtab.DIRECTORY, "DATA": shtab.FILE}
-        for one in (root, *root.commands.choices.values()):
+        for one in _parsers(root):
             for action in one._actions:
                 if action.metavar in places:
                     action.complete = places[action.metavar]  # type: ignore[attr-defined]
         print(shtab.complete(root, str(values)))
         parser.exit()
+
+
+def _parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """A parser and those of its words."""
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for inner in action.choices.values():
+                yield from _parsers(inner)
 
 
 def _brief(end: float) -> str:

@@ -202,16 +202,17 @@ def _suffix(path: Path | None, option: str, allowed: tuple[str, ...]) -> None:
         raise UsageError(f"{option} {path}: the name must end in {' or '.join(allowed)}")
 
 
-_OUTPUTS = ("store", "save", "plot", "out", "log", "plots", "view")
+_OUTPUTS = ("store", "save", "plot", "out", "log", "plots", "view", "keep")
 
 
 def check_output(args) -> None:
     """Files to write: kinds known, places writable, none named twice."""
     _suffix(args.save, "--save", (".nc",))
     _suffix(args.plot, "--plot", (".png", ".pdf", ".svg"))
-    drawn, view = drawn_files(args), getattr(args, "view", None)
+    drawn, view, keep = drawn_files(args), *(getattr(args, n, None) for n in ("view", "keep"))
     _suffix(view, "--view", (".html",))
-    writable(args.save, getattr(args, "log", None), view, *drawn)
+    _suffix(keep, "--keep", (".nc",))
+    writable(args.save, getattr(args, "log", None), view, keep, *drawn)
     given = [(f"--{name}", getattr(args, name, None)) for name in _OUTPUTS if name != "plot"]
     given += [("--plot", path) for path in drawn]
     options: dict[Path, str] = {}

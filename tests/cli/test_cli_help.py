@@ -51,12 +51,19 @@ def test_commands_are_listed_by_purpose(capsys):
     assert list(sections) == [*COMMANDS, "options"]
     for purpose, names in COMMANDS.items():
         assert re.findall(r"^  (\w+)", sections[purpose], re.MULTILINE) == list(names)
-    assert len(set(NAMES)) == len(NAMES) == 13
+    assert len(set(NAMES)) == len(NAMES) == 14
 
 
-@pytest.mark.parametrize("command", NAMES)
+ACTIONS = [f"control {action}" for action in ("fly", "compare")]
+
+
+@pytest.mark.parametrize("command", [name for name in NAMES if name != "control"] + ACTIONS)
 def test_every_option_has_a_purpose_and_every_number_its_range(root, command):
-    parser = root.commands.choices[command]
+    first, *rest = command.split()
+    parser = root.commands.choices[first]
+    for action in rest:
+        (inner,) = parser._subparsers._group_actions
+        parser = inner.choices[action]
     checks = parser.get_default("checks")
     alone = [
         a.dest for g in parser._action_groups if g.title == "options" for a in g._group_actions

@@ -1,0 +1,168 @@
+"""`jaxglide control`: what it prints, writes and refuses."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import jaxglide
+from command import run
+from jaxglide import (
+    Case,
+    Constant,
+    Controller,
+    Environment,
+    Gait,
+    Glider,
+    Gust,
+    Launch,
+    Polar,
+    Snake,
+    save,
+)
+from jaxglide._lib.formats import marked
+from jaxglide.loads.polar import name_of_cells
+
+SMALL = "--nodes", "40", "--height", "2", "--d-psi", "5"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("control")
+
+
+@pytest.fixture(scope="module")
+def files(folder):
+    """A controller that holds the gait, and a file that holds none."""
+    body = Snake.from_svl(0.70, nodes=40, node_set="gauss")
+    glider = Glider(body, Gait.from_degrees(d_psi=5), Polar.smooth())
+    environment = Environment(Case(glider, Launch(height=2.0)))
+    held = Controller(Constant(environment.plant.inputs), environment)
+    other = xr.Dataset({"length": ((), 1.0, {"units": "m"})})
+    save(marked(other, "fit"), folder / "fit.nc")
+    return {"keep": save(held, folder / "law.nc"), "save": folder / "fit.nc"}
+
+
+@pytest.mark.slow
+def test_a_flight_is_told_saved_drawn_and_shown_and_its_law_flies_again(capsys, tmp_path):
+    names = {"save": "it.nc", "plot": "it.png", "view": "it.html", "keep": "law.nc"}
+    files = {name: tmp_path / file for name, file in names.items()}
+    options = [word for name, file in files.items() for word in (f"--{name}", str(file))]
+    code, out, err = run(capsys, "control", "fly", "--law", "none", *SMALL, *options)
+    assert (code, err) == (0, "")
+    flight = jaxglide.open(files["save"])
+    assert flight.ending == "landed"
+    assert f"landed at {float(flight.time):.4f} s" in out
+    assert "d_psi          5.00 to 5.00 deg/SVL, of -20 to 30" in out
+    assert files["plot"].stat().st_size > 10_000
+    assert files["plot"].with_stem("it_portrait").stat().st_size > 5_000
+    assert "dorsoventral bending" in files["view"].read_text()
+    law = str(files["keep"])
+    code, out, err = run(capsys, "control", "fly", "--law", law, "--json", "--height", "2.2")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["outcome"] == "landed"
+    assert found["time"] > float(flight.time)
+    assert found["heading_deg"] is None
+    assert found["inputs"]["d_psi"]["unit"] == "deg/SVL"
+    assert found["inputs"]["d_psi"]["lowest"] == pytest.approx(5)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    told = {}
+
+    def design(environment, **options):
+        told.update(environment=environment, options=options)
+        return Constant(environment.plant.inputs)
+
+    def fly(environment, policy, key, samples):
+        told.update(flown=environment, samples=samples)
+        raise ValueError("flown")
+
+    monkeypatch.setattr("jaxglide.control.linear_quadratic", design)
+    monkeypatch.setattr("jaxglide.control.controlled_flight", fly)
+    return told
+
+
+def test_options_reach_the_library(capsys, asked):
+    code, _, err = run(
+        capsys, "control", "fly", "--inputs", "d_psi,nu_theta", "--samples", "4", "--price",
+        "2", "--towards", "90", "--launch-cycles", "3", "--angle-noise", "2", "--delay", "0.05",
+        "--omega-noise", "5", "--vary", "speed=1.5:2", "--gust", "0,0,1", "--max-time", "5",
+        *SMALL,
+    )  # fmt: skip
+    assert (code, err) == (2, "jaxglide: flown\n")
+    environment = asked["environment"]
+    assert environment.chosen == (3, 2)
+    options = {"price": 2.0, "heading": pytest.approx(np.pi / 2), "launch": 3}
+    assert asked["options"] == options
+    senses = environment.senses
+    found = float(senses.angle_noise), float(senses.omega_noise), senses.delay, senses.velocity
+    assert found == (pytest.approx(np.deg2rad(2)), pytest.approx(np.deg2rad(5)), 0.05, False)
+    np.testing.assert_array_equal(environment.bounds["launch.speed"], [1.5, 2])
+    assert isinstance(environment.held.air, Gust)
+    assert asked["samples"] == 24  # 5 s of 4 samples in 1/1.2 s
+    assert float(environment.case.launch.height) == 2
+
+
+def test_what_is_given_beside_a_file_changes_its_case(capsys, asked, files):
+    run(
+        capsys, "control", "fly", "--law", str(files["keep"]), "--polar", "published",
+        "--gust", "0,0,1", "--see-velocity", "--vary", "mass=0.03:0.04", "--end",
+        "angle=80:pitch,roll", "--speed", "2",
+    )  # fmt: skip
+    known, now = jaxglide.open(files["keep"]).environment, asked["flown"]
+    assert now.senses.velocity
+    assert not known.senses.velocity
+    assert isinstance(now.held.air, Gust)
+    polars = [name_of_cells(one.held.aerodynamics.polar.cells) for one in (known, now)]
+    assert polars == ["smooth", "published"]
+    assert list(now.bounds) == ["body.mass"]
+    assert float(now.case.launch.speed) == 2
+    assert [type(end).__name__ for end in now.case.ends] == ["Ground", "AngleLimit"]
+    assert now.case.ends[1].angles == ("pitch", "roll")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fly", "--law", "pid"], "--law 'pid' is not one of none, lqr"),
+        (
+            ["fly", "--law", "{keep}", "--price", "2"],
+            "--price does not apply: .*law.nc decid",
+        ),
+        (["fly", "--law", "{keep}", "--nodes", "50"], "--nodes does not apply: .*law.nc decid"),
+        (["fly", "--law", "{save}"], "fit.nc holds no controller but a Dataset"),
+        (["fly", "--vary", "speed=2"], "--vary 'speed=2' is not NAME=LOW:HIGH"),
+        (["fly", "--vary", "speed=2:1"], "the lowest is above the highest"),
+        (["fly", "--vary", "speed=1:2", "--vary", "speed=1:3"], "--vary gives speed twice"),
+        (["fly", "--inputs", "tail"], "inputs = 'tail'"),
+        (["fly", "--delay", "0.2"], r"delay = 0\.2 s is not allowed"),
+        (["fly", "--angle-noise", "100"], "--angle-noise = 100 deg is not allowed"),
+        (["fly", "--price", "0"], "--price = 0 is not allowed"),
+        (["fly", "--keep", "law.txt"], r"--keep law\.txt: the name must end in \.nc"),
+        (["fly", "--save", "a.nc", "--keep", "a.nc"], "both name a.nc"),
+        (["compare", "--plot", "a.png"], "--plot draws over a number of --vary"),
+        (["compare", "--over", "speed"], "--over speed: it is not in --vary"),
+        (["compare", "--law", "lqr", "--law", "lqr"], "--law gives lqr twice"),
+        (["hover"], "invalid choice: 'hover'"),
+        ([], "ACTION"),
+    ],
+)
+def test_mistakes_are_told_in_a_sentence(capsys, files, tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
+    named = [word.format(**{name: str(file) for name, file in files.items()}) for word in words]
+    code, out, err = run(capsys, "control", *named)
+    assert (code, out) == (2, "")
+    assert err.startswith("jaxglide: ")
+    assert err.count("\n") == 1
+    assert re.search(said, err), err
+
+
+def test_a_file_that_is_not_there_is_told(capsys, tmp_path):
+    law = str(tmp_path / "nowhere.nc")
+    said = f"jaxglide: there is no {law}\n"
+    assert run(capsys, "control", "fly", "--law", law) == (1, "", said)

@@ -5,21 +5,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .._lib.defaults import GRADIENT_SETUP
 from .._lib.fields import Parameter
-from ..ensemble import parts
-from ._case import (
-    add_glider,
-    add_number,
-    air_of,
-    case_of,
-    numbers_of,
-    replaced,
-    tables_of,
-)
+from ._case import add_number
 from ._options import (
     Parser,
     UsageError,
+    a_number,
     add_output,
     announce,
     by_name,
@@ -31,28 +22,15 @@ from ._options import (
     write,
     write_drawing,
 )
+from ._steered import add_flight, add_law, environment_of, law_of, most_of
 
-_INPUTS = "d_psi,d_theta"
-_LAWS = {
-    "none": "holds the gait",
-    "lqr": "linear-quadratic feedback about the steady glide",
-}
-_SAMPLES = Parameter("", "samples in a cycle of the waves", low=1, high=64)
-_LAUNCH = Parameter("", "cycles over which the launch is planned; 0: none", low=0, high=20)
-_PRICE = Parameter("", "price of the inputs of lqr", low=0, high=1e6, low_open=True)
-_TOWARDS = Parameter("deg", "heading to fly at, positive to the left", low=-1e4, high=1e4)
-_MOST = Parameter("s", "longest flight", low=0, high=1e4, low_open=True)
-_SEED = Parameter("", "which flights", low=0, high=2**31 - 1)
 _FLIGHTS = Parameter("", "random flights", low=1, high=1_000_000)
-# by flag: field of `Senses`, what it is, and what the field is in that unit
-_SENSES = {
-    "angle_noise": Parameter("deg", "noise of the angles that are sensed", low=0, high=57),
-    "omega_noise": Parameter("deg/s", "noise of the angular velocity", low=0, high=5700),
-    "resolution": Parameter("deg", "angles are rounded to it", low=0, high=57),
-    "delay": Parameter("s", "between a sample and its command", low=0, high=1),
+_EFFORT = {
+    "updates": Parameter("", "steps of Adam", low=1, high=1_000_000, default=500),
+    "flights": Parameter("", "random flights side by side", low=1, high=100_000, default=64),
+    "window": Parameter("", "samples of each in an update", low=1, high=100_000, default=8),
+    "rate": Parameter("", "rate of learning", low=0, high=10, low_open=True, default=1e-2),
 }
-_DESIGN = ("inputs", "samples", "price", "launch_cycles", "towards")
-_BODY = ("node_set", "nodes", "body")
 
 
 def add(new) -> None:
@@ -66,6 +44,7 @@ def add(new) -> None:
     )
     _add_fly(partial(actions.add_parser, "fly", help="fly once, and show what was told"))
     _add_compare(partial(actions.add_parser, "compare", help="which laws land, how often"))
+    _add_train(partial(actions.add_parser, "train", help="make a law better by gradients"))
 
 
 def _add_fly(new) -> None:
@@ -75,8 +54,8 @@ def _add_fly(new) -> None:
         epilog="Example: jaxglide control fly --height 75 --see-velocity --plot flight.png. "
         "Exit code: 0 for a flight, landed or not; 2 for wrong input.",
     )
-    _add_law(fly, several=False)
-    _add_flight(fly)
+    add_law(fly, several=False)
+    add_flight(fly)
     output = add_output(fly, endings=("", "_portrait"))
     text = "write a page (.html) that shows the flight in 3D, and what was told"
     output.add_argument("--view", metavar="FILE", type=Path, help=text)
@@ -91,8 +70,8 @@ def _add_compare(new) -> None:
         epilog="Example: jaxglide control compare --law none --law lqr --height 75 "
         "--see-velocity --vary speed=1.5:2 --plot landed.png",
     )
-    _add_law(compare, several=True)
-    _add_flight(compare)
+    add_law(compare, several=True)
+    add_flight(compare)
     group = compare.add_argument_group("flights")
     add_number(group, "flights", _FLIGHTS, 100, kind=whole)
     text = "which random number the figure is drawn over (default: the first of --vary)"
@@ -101,151 +80,26 @@ def _add_compare(new) -> None:
     compare.set_defaults(run=_compare)
 
 
-def _add_law(parser, several: bool) -> None:
-    """What steers, and how it is designed."""
-    group = parser.add_argument_group("law")
-    known = ", ".join(f"{name} ({said})" for name, said in _LAWS.items())
-    text = f"{known}, or a file (.nc) of a controller"
-    if several:
-        text += "; may be repeated (default: none and lqr)"
-        group.add_argument("--law", action="append", default=[], metavar="NAME", help=text)
-    else:
-        text += " (default: lqr)"
-        group.add_argument("--law", default="lqr", metavar="NAME", help=text)
-    text = f"which inputs are set, separated by commas (default: {_INPUTS})"
-    group.add_argument("--inputs", default=_INPUTS, metavar="NAMES", help=text)
-    add_number(group, "samples", _SAMPLES, told=8, kind=whole)
-    add_number(group, "launch_cycles", _LAUNCH, 0, kind=whole)
-    add_number(group, "price", _PRICE, 1.0)
-    add_number(group, "towards", _TOWARDS, 0.0)
-
-
-def _add_flight(parser) -> None:
-    """What flies, what it senses, and what is random."""
-    add_glider(parser, usual=GRADIENT_SETUP)
-    group = parser.add_argument_group("senses")
-    for name, known in _SENSES.items():
-        add_number(group, name, known, told=0.0)
-    text = "velocity and height are sensed; without it they are estimated"
-    group.add_argument("--see-velocity", action="store_true", help=text)
-    group = parser.add_argument_group("chance")
-    text = "range from which a number is drawn; may be repeated"
-    group.add_argument(
-        "--vary", action="append", default=[], metavar="NAME=LOW:HIGH", help=text
+def _add_train(new) -> None:
+    train = new(
+        description="Make a law better by gradients through random flights.",
+        epilog="Example: jaxglide control train --height 75 --vary speed=1.5:2 --log "
+        "training.log --save trained.nc; the same command goes on from the log. Then jaxglide "
+        "control compare --law lqr --law trained.nc",
     )
-    add_number(group, "seed", _SEED, 0, kind=whole)
-    add_number(group, "max_time", _MOST, 30.0)
-
-
-# What is asked for
-
-
-def _vary(args) -> dict[str, tuple[float, float]]:
-    def named(text: str) -> tuple[str, tuple[float, float]]:
-        name, _, ends = text.partition("=")
-        try:
-            low, high = map(float, ends.split(":"))
-        except ValueError:
-            raise UsageError(f"--vary {text!r} is not NAME=LOW:HIGH") from None
-        return name, (low, high)
-
-    return by_name("--vary", map(named, args.vary))
-
-
-def _senses(args, known):
-    """Senses as given, the others as known."""
-    import dataclasses
-
-    given: dict[str, Any] = {}
-    for name, about in _SENSES.items():
-        if name in args.given:
-            factor = math.pi / 180 if about.unit.startswith("deg") else 1.0
-            given[name] = factor * getattr(args, name)
-    if args.see_velocity:
-        given["velocity"] = True
-    return dataclasses.replace(known, **given)
-
-
-def _opened(path: str):
-    """The controller in a file."""
-    from ..control import Controller
-    from ..files import open
-
-    found = open(path)
-    if not isinstance(found, Controller):
-        raise ValueError(f"{path} holds no controller but a {type(found).__name__}")
-    return found
-
-
-def _is_file(law: str) -> bool:
-    if law in _LAWS:
-        return False
-    if not law.endswith(".nc"):
-        known = ", ".join(_LAWS)
-        raise UsageError(f"--law {law!r} is not one of {known}, nor a file (.nc)")
-    return True
-
-
-def _environment(args, laws: list[str]):
-    """What flies: as given, or that of the first file with what is given besides."""
-    from ..control import Environment, Senses
-    from ..control.controller import arguments_of
-
-    files = [law for law in laws if _is_file(law)]
-    if not files:
-        names = [name.strip() for name in args.inputs.split(",")]
-        given = {"samples": args.samples} if "samples" in args.given else {}
-        case = case_of(args)
-        return Environment(
-            case, names, vary=_vary(args), senses=_senses(args, Senses()), **given
-        )
-    own = _DESIGN if len(files) == len(laws) else ("inputs", "samples")
-    refuse(args, (*own, *_BODY), f"{files[0]} decides it")
-    known = arguments_of(_opened(files[0]).environment)
-    known["case"] = _changed(args, known["case"])
-    known["senses"] = _senses(args, known["senses"])
-    known["vary"] = _vary(args) or known["vary"]
-    return Environment(known.pop("case"), known.pop("inputs"), **known)
-
-
-def _changed(args, case):
-    """The case of a file with the numbers, the air and the polar given besides."""
-    import dataclasses
-
-    made, given = parts.case_of(tables_of(args)), args.given
-    glider, launch, ends = case.glider, case.launch, case.ends
-    if air_of(args):
-        glider = dataclasses.replace(glider, air=made.glider.air)
-    if {"polar", "lag"} & set(given):
-        glider = dataclasses.replace(glider, aerodynamics=made.glider.aerodynamics)
-    if "omega" in given:
-        launch = dataclasses.replace(launch, omega=made.launch.omega)
-    if "end" in given:
-        ends = made.ends
-    return replaced(type(case)(glider, launch, ends), numbers_of(args))
-
-
-def _law(args, law: str, environment):
-    """A policy by name, or from a file, checked to fit."""
-    from ..control import Constant, Controller, linear_quadratic
-
-    if law == "none":
-        policy = Constant(environment.plant.inputs)
-    elif law == "lqr":
-        heading, launch = math.radians(args.towards), args.launch_cycles
-        policy = linear_quadratic(environment, price=args.price, heading=heading, launch=launch)
-    else:
-        policy = _opened(law).policy
-        try:
-            return Controller(policy, environment)
-        except ValueError as error:
-            raise ValueError(f"{law}: {error}") from None
-    return Controller(policy, environment)
-
-
-def _most(args, environment) -> int:
-    """Samples after which a flight is cut off."""
-    return math.ceil(args.max_time / float(environment.plant.interval))
+    add_law(train, several=False)
+    group = train.add_argument_group("training")
+    text = "what learns: gains that change with time since launch, or a network that adds to "
+    text += "the law (default: gains; of a law from a file what it has)"
+    group.add_argument("--learns", choices=("gains", "network"), help=text)
+    for name, known in _EFFORT.items():
+        kind = a_number if name == "rate" else whole
+        add_number(group, name, known, told=known.default, kind=kind)
+    add_flight(train)
+    output = add_output(train, plot=False)
+    text = "keep the training here; the same command goes on from it"
+    output.add_argument("--log", type=Path, metavar="FILE", help=text)
+    train.set_defaults(run=_train)
 
 
 # One flight
@@ -256,10 +110,10 @@ def _fly(args) -> int:
 
     from ..control import controlled_flight, retrace
 
-    environment = _environment(args, [args.law])
-    controller = _law(args, args.law, environment)
+    environment = environment_of(args, [args.law])
+    controller = law_of(args, args.law, environment)
     key = jax.random.key(args.seed)
-    flown = controlled_flight(environment, controller.policy, key, _most(args, environment))
+    flown = controlled_flight(environment, controller.policy, key, most_of(args, environment))
     flight = retrace(environment, flown, key)
     _write_flight(args, controller, flight)
     if args.json:
@@ -346,7 +200,7 @@ def _compare(args) -> int:
     from ..files.controllers import flights_dataset
 
     laws = list(by_name("--law", ((law, None) for law in args.law or ("none", "lqr"))))
-    environment = _environment(args, laws)
+    environment = environment_of(args, laws)
     drawn = list(environment.bounds)
     if args.over is not None and environment.case.path(args.over) not in drawn:
         raise UsageError(f"--over {args.over}: it is not in --vary")
@@ -357,8 +211,8 @@ def _compare(args) -> int:
 
     tables = {}
     for law in laws:
-        policy = _law(args, law, environment).policy
-        options = {"seed": args.seed, "samples": _most(args, environment)}
+        policy = law_of(args, law, environment).policy
+        options = {"seed": args.seed, "samples": most_of(args, environment)}
         tables[law] = evaluate_policy(environment, policy, args.flights, **options)
         if not args.json:
             print(_line(law, tables[law]), flush=True)
@@ -398,3 +252,71 @@ def _line(law: str, table) -> str:
     if found["landed"]:
         said += f", {found['distance']:.1f} m from the launch (median)"
     return said
+
+
+# Training
+
+
+def _learner(args, environment):
+    """The law that learns: gains or a network around the law asked for."""
+    from ..control import GainScheduled, NeuralPolicy, Regulator
+
+    policy = law_of(args, args.law, environment).policy
+    if policy.learns:
+        refuse(args, ("learns",), f"{args.law} holds a {type(policy).__name__}, which goes on")
+        return policy
+    if args.learns == "network":
+        return NeuralPolicy.of(environment, policy, seed=args.seed)
+    if not isinstance(policy, Regulator):
+        raise UsageError(f"--learns gains needs the law lqr, not {args.law}: it has no gains")
+    return GainScheduled.of(environment, policy)
+
+
+def _train(args) -> int:
+    from ..control import Controller, train_policy
+
+    environment = environment_of(args, [args.law])
+    say_where(args, "log", "save")
+    effort = {name: getattr(args, name) for name in _EFFORT if name in args.given}
+    learner = _learner(args, environment)
+    options = {"samples": most_of(args, environment), "seed": args.seed, "log": args.log}
+    found = train_policy(learner, environment, **effort, **options)
+
+    def data():
+        from ..files.controllers import controller_dataset
+
+        return controller_dataset(Controller(found.policy, environment))
+
+    write(data, None, args)
+    if args.log is not None:
+        announce(args.log, args)
+    if args.json:
+        print_json(_learnt(found))
+    else:
+        print(_progress(found))
+    return 0
+
+
+def _learnt(found) -> dict[str, Any]:
+    """What a training came to: means over its first and its last tenth."""
+    import numpy as np
+
+    updates = len(found.losses)
+    tenth = max(1, updates // 10)
+    result: dict[str, Any] = {"updates": updates, "cost": {}, "landed": {}}
+    for name, part in (("first", slice(tenth)), ("last", slice(-tenth, None))):
+        ended = found.landed[part][np.isfinite(found.landed[part])]
+        result["cost"][name] = float(np.mean(found.losses[part]))
+        result["landed"][name] = float(np.mean(ended)) if ended.size else math.nan
+    return result
+
+
+def _progress(found) -> str:
+    """The same in words."""
+    said = _learnt(found)
+    cost, landed = said["cost"], said["landed"]
+    return (
+        f"{said['updates']} updates, at first and at last:\n"
+        f"  cost of a sample   {cost['first']:.4g}   {cost['last']:.4g}\n"
+        f"  flights that land  {landed['first']:.3g}   {landed['last']:.3g}, of those that end"
+    )

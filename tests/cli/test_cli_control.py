@@ -3,6 +3,7 @@
 import json
 import re
 
+import equinox as eqx
 import numpy as np
 import pytest
 import xarray as xr
@@ -18,12 +19,16 @@ from jaxglide import (
     Glider,
     Gust,
     Launch,
+    NeuralPolicy,
+    Outcome,
     Polar,
     Snake,
     save,
 )
 from jaxglide._lib.formats import marked
+from jaxglide.control import Trained
 from jaxglide.loads.polar import name_of_cells
+from jaxglide.plot.saved import draw
 
 SMALL = "--nodes", "40", "--height", "2", "--d-psi", "5"
 
@@ -124,6 +129,87 @@ def test_what_is_given_beside_a_file_changes_its_case(capsys, asked, files):
     assert float(now.case.launch.speed) == 2
     assert [type(end).__name__ for end in now.case.ends] == ["Ground", "AngleLimit"]
     assert now.case.ends[1].angles == ("pitch", "roll")
+
+
+def flights(landed, speeds):
+    """What `evaluate_policy` gives of such flights."""
+    count, words = len(landed), [str(one) for one in Outcome]
+    return xr.Dataset(
+        {
+            "outcome": ("flight", np.where(landed, 0, 2).astype(np.int32), {"words": words}),
+            "landed": ("flight", np.asarray(landed)),
+            "time": ("flight", np.arange(count) + 1.0, {"units": "s"}),
+            "position": (("flight", "axis"), np.outer(np.arange(count), [3.0, 4.0, 0.0])),
+            "angles": (("flight", "angle"), np.zeros((count, 3))),
+            "launch.speed": ("flight", np.asarray(speeds), {"units": "m/s"}),
+        },
+        {"axis": ["right", "forward", "up"], "angle": ["yaw", "pitch", "roll"]},
+    )
+
+
+def test_laws_are_compared_by_the_same_flights(capsys, asked, monkeypatch, tmp_path, files):
+    told = []
+
+    def judge(environment, policy, count, **options):
+        told.append((type(policy).__name__, count, options))
+        return flights([len(told) > 1] * 3 + [True], [1.5, 1.6, 1.7, 1.8])
+
+    monkeypatch.setattr("jaxglide.control.evaluate_policy", judge)
+    words = "--vary", "speed=1.5:2", "--flights", "4", "--seed", "7", *SMALL
+    saved, drawn = tmp_path / "it.nc", tmp_path / "it.png"
+    written = "--save", str(saved), "--plot", str(drawn)
+    code, out, err = run(capsys, "control", "compare", *words, *written)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[:2] == [
+        "none: 1 of 4 flights land (25 %), 15.0 m from the launch (median)",
+        "lqr: 4 of 4 flights land (100 %), 7.5 m from the launch (median)",
+    ]
+    options = {"seed": 7, "samples": 288}
+    assert told == [("Constant", 4, options)] * 2
+    data = jaxglide.open(saved)
+    assert data.sizes == {"law": 2, "flight": 4, "axis": 3, "angle": 3}
+    assert data["landed"].sum("flight").values.tolist() == [1, 4]
+    assert data["outcome"].attrs["flag_meanings"].startswith("landed ")
+    assert data["launch.speed"].attrs["units"] == "m/s"
+    assert draw(data).said == "share of flights that land over launch.speed"
+    assert drawn.stat().st_size > 5_000
+    code, out, _ = run(capsys, "control", "compare", "--law", "none", *words, "--json")
+    counts = {"flights": 4, "landed": 4, "distance": 7.5, "time": 2.5}
+    assert (code, json.loads(out)) == (0, {"none": counts})
+
+
+def test_a_law_is_trained_kept_and_told(capsys, monkeypatch, tmp_path, files):
+    told = {}
+
+    def train(policy, environment, **options):
+        told.update(policy=policy, options=options)
+        losses = np.linspace(2.0, 1.0, 20)
+        return Trained(policy, losses, np.where(np.arange(20) < 2, np.nan, 0.75))
+
+    monkeypatch.setattr("jaxglide.control.train_policy", train)
+    saved, log = tmp_path / "it.nc", tmp_path / "it.log"
+    code, out, err = run(
+        capsys, "control", "train", "--law", "none", "--learns", "network", "--updates", "20",
+        "--rate", "0.02", "--seed", "3", "--log", str(log), "--save", str(saved), *SMALL,
+    )  # fmt: skip
+    assert (code, err) == (0, "")
+    assert "20 updates" in out
+    assert "cost of a sample   1.974   1.026" in out
+    assert "flights that land  nan   0.75" in out
+    options = {"updates": 20, "rate": 0.02, "samples": 288, "seed": 3, "log": log}
+    assert told["options"] == options
+    first = told["policy"]
+    assert isinstance(first, NeuralPolicy)
+    assert eqx.tree_equal(jaxglide.open(saved).policy, first)
+    code, out, err = run(capsys, "control", "train", "--law", str(saved), "--json")
+    assert (code, json.loads(out)["landed"]) == (0, {"first": None, "last": 0.75})
+    assert eqx.tree_equal(told["policy"], first)
+    law = "--law", str(saved)
+    code, _, err = run(capsys, "control", "train", *law, "--learns", "network")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "holds a NeuralPolicy, which goes on" in err
+    code, _, err = run(capsys, "control", "train", "--law", "none", *SMALL)
+    assert "--learns gains needs the law lqr, not none: it has no gains" in err
 
 
 @pytest.mark.parametrize(

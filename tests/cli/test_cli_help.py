@@ -54,7 +54,7 @@ def test_commands_are_listed_by_purpose(capsys):
     assert len(set(NAMES)) == len(NAMES) == 14
 
 
-ACTIONS = [f"control {action}" for action in ("fly", "compare")]
+ACTIONS = [f"control {action}" for action in ("fly", "compare", "train")]
 
 
 @pytest.mark.parametrize("command", [name for name in NAMES if name != "control"] + ACTIONS)

@@ -20,10 +20,13 @@ from jaxglide import (
     Constant,
     Controller,
     Environment,
+    GainScheduled,
     Gait,
     Glider,
     Launch,
+    NeuralPolicy,
     Polar,
+    Regulator,
     Senses,
     Snake,
     Stepped,
@@ -33,8 +36,9 @@ from jaxglide import (
     retrace,
 )
 from jaxglide._lib.netcdf import load_netcdf
-from jaxglide.control import AbstractPolicy, histories
+from jaxglide.control import AbstractPolicy, histories, target_of
 from jaxglide.control.plant import INPUTS
+from jaxglide.control.regulator import Linear, limits
 from jaxglide.files import controller_dataset, controller_of
 from jaxglide.plot.saved import draw
 from jaxglide.view import Scene, view
@@ -167,6 +171,59 @@ def test_a_controller_comes_back_to_the_bit(tmp_path, environment):
     second = Controller(Constant(other.plant.inputs), other)
     assert eqx.tree_equal(controller_of(controller_dataset(second)), second)
     assert not eqx.tree_equal(again, second)
+
+
+def made_regulator(environment, launch=0, chosen=(PSI, THETA), seen=True) -> Regulator:
+    """A regulator that nobody designed."""
+    rng, c = np.random.default_rng(0), len(chosen)
+    count, n = 8 + launch, 9 + 3 * c
+    shapes = (n,), (n, n), (n, c)
+    linear = Linear(*(jnp.asarray(rng.random((count, *shape))) for shape in shapes))
+    L = jnp.asarray(rng.random((count, n, n - 3))) if seen else None
+    K, told, jump = (jnp.asarray(rng.random(s)) for s in ((count, c, n), (count, c), (n,)))
+    low, high = limits(environment.plant, chosen)
+    own = environment.plant.inputs, low, high, jnp.asarray(0.1), jnp.asarray(0.2)
+    return Regulator(linear, K, L, told, jump, *own, chosen, launch)
+
+
+def test_laws_of_every_kind_come_back_to_the_bit(environment):
+    plain = made_regulator(environment, launch=16, seen=False)
+    seeing = made_regulator(environment)
+    laws = [
+        plain,
+        seeing,
+        GainScheduled.of(environment, seeing),
+        GainScheduled.of(environment, plain, knots=(0.0, 3.0)),
+        NeuralPolicy.of(environment, GainScheduled.of(environment, seeing), width=5, depth=3),
+        NeuralPolicy.of(environment, Constant(environment.plant.inputs), depth=1, seed=4),
+    ]
+    for law in laws:
+        first = Controller(law, environment)
+        again = controller_of(controller_dataset(first))
+        assert eqx.tree_equal(again, first), type(law)
+        assert target_of(again.policy).heading == (None if law is laws[-1] else 0.2)
+
+
+def test_a_network_of_another_kind_is_refused(environment):
+    law = NeuralPolicy.of(environment, Constant(environment.plant.inputs))
+    other = eqx.tree_at(lambda p: p.network.activation, law, jax.nn.relu)
+    with pytest.raises(ValueError, match="only a network of tanh"):
+        controller_dataset(Controller(other, environment))
+    data = controller_dataset(Controller(law, environment))
+    with pytest.raises(ValueError, match="its layers are of shapes"):
+        controller_of(data.isel(network_weights_1_1=slice(4)))
+
+
+def test_a_regulator_of_another_model_is_refused(environment):
+    other = environment_of(samples=4)
+    with pytest.raises(ValueError, match="has 8 samples in a cycle, not 4"):
+        Controller(made_regulator(environment), other)
+    one = made_regulator(environment, chosen=(PSI,))
+    with pytest.raises(ValueError, match="it sets d_psi, not d_psi, d_theta"):
+        Controller(one, environment)
+    short = eqx.tree_at(lambda r: r.K, made_regulator(environment), jnp.zeros((8, 2, 12)))
+    with pytest.raises(ValueError, match="another model"):
+        Controller(short, environment)
 
 
 @pytest.fixture(scope="module")

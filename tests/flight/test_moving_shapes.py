@@ -1,5 +1,7 @@
 """First principles where every part moves: shape, drive, wind, lag and point masses at once."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -37,6 +39,7 @@ from jaxglide.flight.dynamics import (
     with_own_states,
 )
 from jaxglide.loads.inertia import angular_momentum, inertia_tensor
+from jaxglide.shape.drives import inputs_of
 from jaxglide.shape.gait import waves
 from jaxglide.shape.kinematics import backbone
 
@@ -224,6 +227,36 @@ def test_a_biased_gait_turns_by_inertia_alone():
     turned = np.rad2deg(turn(np.deg2rad(BIAS))[:, ANGLES])
     np.testing.assert_allclose(turned[:, 0], YAW, rtol=0, atol=0.00501)
     assert turned[0, 1] == pytest.approx(2.02, abs=0.00501)
+
+
+def test_a_bias_that_actuators_apply_in_flight_turns_a_body_without_angular_momentum():
+    """Bent to the side by inputs that accelerate, it turns, and its momenta stay."""
+    wanted = Gait.from_degrees(d_theta=30)
+    drive = Actuated(lambda time, seen: inputs_of(wanted), GAIT, 25.0)
+    _, start = without_momentum(GAIT, SNAKE)
+    glider = Glider(SNAKE, Driven(Serpenoid(), drive), NOTHING, gravity=0.0)
+    flight = Flight(glider, discretise(SNAKE), jnp.zeros(()))
+    start = with_own_states(jnp.zeros(()), start.at[VELOCITY].set([0.5, 6.0, -4.0]), flight)
+    times = np.linspace(0, 1 / 1.2, 21)
+    flown: Any = integrate(glider, start, 0.0, times[-1], save=times, rtol=1e-12, atol=1e-12)
+
+    @eqx.filter_jit
+    @jax.vmap
+    def own(time, state):
+        """Angular momentum of the change of shape, and how the bias accelerates."""
+        now = elements(time, state, flight)
+        coordinates = drive(time, flight.phase, state[13:], observation(state))[0]
+        return angular_momentum(flight.sections, now.body), coordinates.q_ddot[4]
+
+    shape, bias = own(jnp.asarray(times), flown.states)
+    spin, momentum = momenta(jnp.asarray(times), flown.states, flight)
+    size = np.linalg.norm(shape, axis=1).max()
+    assert size > 5e-4  # kg m^2/s
+    assert np.abs(spin).max() < 1e-10 * size
+    expected = float(flight.sections.total_mass) * np.asarray(start[VELOCITY])
+    np.testing.assert_allclose(momentum, np.tile(expected, (21, 1)), rtol=0, atol=1e-15)
+    assert np.ptp(bias) > 10  # rad/s^2 per SVL
+    assert np.rad2deg(flown.state[ANGLES][0]) < -20  # in a cycle
 
 
 def test_turning_flight_passes_85_degrees_of_yaw_where_no_end_forbids_it():

@@ -9,12 +9,15 @@ from .policy import AbstractPolicy, Constant, Sensed
 from .regulator import Regulator, linear_quadratic
 from .trace import History, Target, histories, retrace, target_of
 from .training import Trained, train_policy
+from .turning import CoordinatedTurn
+from .waypoints import Waypoints
 from .work import actuator_power
 
 __all__ = [
     "AbstractPolicy",
     "Constant",
     "Controller",
+    "CoordinatedTurn",
     "Environment",
     "Flown",
     "GainScheduled",
@@ -29,6 +32,7 @@ __all__ = [
     "Situation",
     "Target",
     "Trained",
+    "Waypoints",
     "actuated",
     "actuator_power",
     "controlled_flight",

@@ -32,6 +32,7 @@ class Senses(eqx.Module):
         resolution: to which angles are rounded [rad]; 0: they are not.
         velocity: whether velocity and height are sensed (static).
         delay: between a sample and the actuators' command, below an interval [s] (static).
+        place: whether the horizontal position is sensed (static).
     """
 
     angle_noise: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
@@ -39,6 +40,7 @@ class Senses(eqx.Module):
     resolution: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
     velocity: bool = eqx.field(static=True, default=False)
     delay: float = eqx.field(static=True, default=0.0)
+    place: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         check_range("angle_noise", self.angle_noise, "rad", 0, 1, shape=())
@@ -232,6 +234,7 @@ class Environment(eqx.Module):
             state[RIGID : RIGID + len(INPUTS)],
             state[RIGID + len(INPUTS) :][: len(INPUTS)],
             situation.told,
+            state[POSITION][:2] if senses.place else None,
         )
         return situation._replace(key=later), sensed
 

@@ -21,6 +21,7 @@ class Sensed(NamedTuple):
         height: [m]; NaN if it is not sensed.
         positions, rates: of the actuators, (6,).
         told: inputs told at the sample before, (6,).
+        place: horizontal position [m], (2,); None if it is not sensed.
     """
 
     sample: Integer
@@ -32,6 +33,7 @@ class Sensed(NamedTuple):
     positions: Float[Array, "6"]
     rates: Float[Array, "6"]
     told: Float[Array, "6"]
+    place: Float[Array, "2"] | None
 
 
 class AbstractPolicy(eqx.Module):

@@ -49,6 +49,7 @@ LONG = (
         "steady_branch",
         "steady_glide",
         "steady_sweep",
+        "Waypoints",
         "survey",
     ),
     "trim",

@@ -71,9 +71,8 @@ class CoordinatedTurn(AbstractPolicy):
         regulator: its heading is where the turn ends; see `linear_quadratic`.
         pace: largest turn in a cycle [rad], 0 to 1.
         settle: cycles after launch in which it only holds where it is, 0 to 1,000.
-
-    Attributes:
-        forward: what a turn of a radian in a cycle adds to the inputs, (N, c).
+        forward: what a turn of a radian in a cycle adds to the inputs, (N, c); by default the
+            cheapest.
 
     Raises:
         TypeError: the regulator is none.
@@ -85,12 +84,19 @@ class CoordinatedTurn(AbstractPolicy):
     settle: Scalar
     forward: Float[Array, "N c"]
 
-    def __init__(self, regulator: Regulator, pace: float = PACE, settle: float = SETTLE):
+    def __init__(
+        self, regulator: Regulator, pace: Any = PACE, settle: Any = SETTLE, forward: Any = None
+    ):
         check_kind("regulator", regulator, Regulator)
         check_range("pace", pace, "rad a cycle", 0, 1, shape=())
         check_range("settle", settle, "cycles", 0, 1000, shape=())
         self.regulator, self.pace = regulator, jnp.asarray(pace, float)
         self.settle = jnp.asarray(settle, float)
+        if forward is not None:
+            shape = regulator.K.shape[0] - regulator.launch, len(regulator.chosen)
+            check_range("forward", forward, "", shape=shape)
+            self.forward = jnp.asarray(forward, float)
+            return
         half, glide = (regulator.high - regulator.low) / 2, slice(regulator.launch, None)
         inputs, states = steady_turn(Linear(*(part[glide] for part in regulator.linear)), half)
         held = np.einsum("kcn,kn->kc", np.asarray(regulator.K[glide]), states)

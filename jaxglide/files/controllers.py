@@ -168,7 +168,8 @@ def _registry(data: xr.Dataset) -> Registry:
             raise ValueError(f"{name} is not finite")
         return jnp.asarray(values)
 
-    names = "Constant", "Regulator", "GainScheduled", "NeuralPolicy", "Waypoints"
+    names = "Constant", "Regulator", "GainScheduled", "NeuralPolicy"
+    names += "CoordinatedTurn", "Waypoints"
     laws = {name: getattr(control, name) for name in names if hasattr(control, name)}
     made = {"Environment": _environment, "Stored": stored, "Network": _network}
     own = {"Linear": Linear, "Senses": control.Senses}

@@ -8,9 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxglide
 from jaxglide import (
     AngleLimit,
     Case,
+    Controller,
     CoordinatedTurn,
     Environment,
     Gait,
@@ -164,6 +166,18 @@ def test_the_path_of_the_glide_is_where_its_course_says(environment, regulator):
     assert abs(float(course(regulator))) > 0.1
 
 
+def test_waypoints_come_back_from_a_file(environment, regulator, tmp_path):
+    """The same inputs at launch, and beyond the first point."""
+    policy = told(CoordinatedTurn(regulator, pace=0.2), POINTS[0])
+    path = jaxglide.save(Controller(policy, environment), tmp_path / "points.nc")
+    again: Any = jaxglide.open(path)
+    sensed = environment.reset(jax.random.key(0))[1]
+    for k in (0, 30):
+        here = sensed._replace(place=jnp.array([5.0, 1.7 * k]), sample=jnp.asarray(k))
+        both = [law(law.start(), here)[0] for law in (policy, again.policy)]
+        np.testing.assert_array_equal(*both)
+
+
 def test_bad_input(environment, regulator):
     steering = CoordinatedTurn(regulator)
     with pytest.raises(TypeError, match="regulator"):
@@ -172,6 +186,8 @@ def test_bad_input(environment, regulator):
         CoordinatedTurn(regulator, pace=1.5)
     with pytest.raises(ValueError, match="settle"):
         CoordinatedTurn(regulator, settle=-1)
+    with pytest.raises(ValueError, match="forward has shape"):
+        CoordinatedTurn(regulator, forward=np.zeros((8, 3)))
     with pytest.raises(TypeError, match="steering"):
         Waypoints(regulator, [[0.0, 1.0]])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="points is empty"):

@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -120,24 +119,7 @@ class CoordinatedTurn(AbstractPolicy):
         still = sensed.sample < jnp.maximum(known.launch, self.settle * count)
         pace = jnp.where(still, 0.0, self.pace)
         turn = jnp.clip(turned(heading - now) / _CYCLES, -pace, pace)
-        none = jnp.zeros(len(known.chosen))
-        before, remembered = dataclasses.replace(known, heading=now)(
-            self._moved(remembered, lost, none), sensed
-        )
-        index, step = jnp.array(known.chosen), turn / count
-        wanted = before[index] + turn * self.forward[row - known.launch]
-        inputs = before.at[index].set(jnp.clip(wanted, known.low, known.high))
-        remembered = self._moved(remembered, step, (inputs - before)[index])
-        return inputs, (remembered, now + step)
-
-    def _moved(self, remembered, by, more):
-        """What the regulator remembers, its state counted from a heading that has moved by an
-        angle [rad], its inputs those that were told, (c,) more."""
-        state = self.regulator.linear.states.shape[1:]
-
-        def moved(leaf):
-            if leaf.shape == state:
-                return leaf.at[YAW].add(-by)
-            return leaf + more if leaf.shape == more.shape else leaf
-
-        return jax.tree.map(moved, remembered)
+        moving, step = dataclasses.replace(known, heading=now), turn / count
+        apart = moving.estimate(remembered.at[YAW].add(-lost), sensed)
+        change = turn * self.forward[row - known.launch] - known.K[row] @ apart
+        return moving.within(row, change), (apart.at[YAW].add(-step), now + step)

@@ -27,6 +27,7 @@ _FIGURES = {
     "steady-map": "steady_map.py",
     "steady-optimum": "steady_optimum.py",
     "steady-branches": "steady_branches.py",
+    "turning": "turning.py",
     "validation": "validation.py",
 }
 

@@ -88,7 +88,7 @@ def test_every_script_and_picture_is_there():
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
     pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
-    assert len(pictures) == 25
+    assert len(pictures) == 27
     for path in pictures:
         assert (FINDINGS / path).exists(), path
 
@@ -185,6 +185,34 @@ def test_steady_branches(run):
     flat = [r for r in points if r["along"] == "nu_theta" and r["what"] in ("-1", "pair")]
     edges = [r["value"] for r in flat if r["gait"] == "published" and 1.7 < r["value"] < 2]
     agree(sentence(PAGE, r"it is stable between ([\d.]+) and ([\d.]+), beyond"), *edges)
+
+
+@for_hours
+@slow
+def test_turning(run):
+    found, page = run("jaxglide figure turning"), (FINDINGS / "turning.md").read_text()
+    known = {row["gait"]: list(row.values())[1:] for row in found["turning_limits"]}
+    for name, *cells in table(page, "gait | turn for a degree of bias"):
+        numbers = [value for value in known[name] if value is not None]
+        agree(" / ".join(cells), *numbers, share=SEARCHES)
+    known = {tuple(row.values())[:2]: list(row.values())[2:] for row in found["turning"]}
+    for name, bias, *cells in table(page, "gait | bias | turn"):
+        agree(" / ".join(cells), *known[name, float(bias.strip("°"))], share=SEARCHES)
+    known = {
+        tuple(row.values())[:3]: list(row.values())[3:7] for row in found["turning_timing"]
+    }
+    times = {"once a cycle": "1 a cycle", "twice a cycle": "2 a cycle", "held": "held"}
+    for name, bias, timing, *cells in table(page, "gait | bias | timing"):
+        label = {"d_θ": "d_theta", "d_ψ": "d_psi"}[bias]
+        agree(" / ".join(cells), *known[name, label, times[timing]], share=SEARCHES)
+    known = {tuple(row.values())[:3]: row for row in found["turning_paces"]}
+    for name, side, pace, rate, last in table(page, "gait | side"):
+        row = known[name, side, float(pace)]
+        assert row["landed"]
+        agree(f"{rate} / {last}", row["deg/s"], row["yaw at last (deg)"], share=SEARCHES)
+    known = {tuple(row.values())[:2]: list(row.values())[2:] for row in found["turning_points"]}
+    for senses, pace, *cells in table(page, "sensed"):
+        agree(" / ".join(cells), *known[senses, float(pace)], share=SEARCHES)
 
 
 @slow

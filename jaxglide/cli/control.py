@@ -26,10 +26,10 @@ from ._steered import add_flight, add_law, environment_of, law_of, most_of
 
 _FLIGHTS = Parameter("", "random flights", low=1, high=1_000_000)
 _EFFORT = {
-    "updates": Parameter("", "steps of Adam", low=1, high=1_000_000, default=500),
-    "flights": Parameter("", "random flights side by side", low=1, high=100_000, default=64),
-    "window": Parameter("", "samples of each in an update", low=1, high=100_000, default=8),
-    "rate": Parameter("", "rate of learning", low=0, high=10, low_open=True, default=1e-2),
+    "updates": Parameter("", "steps of Adam", low=1, high=1_000_000, default=100),
+    "flights": Parameter("", "random flights side by side", low=1, high=100_000, default=32),
+    "window": Parameter("", "samples of each in an update", low=1, high=100_000, default=16),
+    "rate": Parameter("", "rate of learning", low=0, high=10, low_open=True, default=3e-4),
 }
 
 

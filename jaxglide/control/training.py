@@ -30,8 +30,8 @@ from .environment import Environment, Situation
 from .plant import Flying
 from .policy import AbstractPolicy, Sensed
 
-WINDOW = 8
-"""Samples through which gradients go back, by default: a cycle."""
+WINDOW = 16
+"""Samples through which gradients go back, by default: two cycles."""
 STEEP = 0.75
 """Pitch up to which a flight counts as upright [rad]."""
 _GROUP = 32  # flights of one computation, at most: more fit no core's cache
@@ -288,11 +288,11 @@ def train_policy(
     policy: AbstractPolicy,
     environment: Environment,
     *,
-    updates: int = 500,
-    flights: int = 64,
+    updates: int = 100,
+    flights: int = 32,
     window: int = WINDOW,
     samples: int = 120,
-    rate: float = 1e-2,
+    rate: float = 3e-4,
     seed: int = 0,
     cost: Callable[[State], Scalar] = upright,
     value: Callable[[State], Scalar] | None = None,

@@ -115,6 +115,10 @@ def test_a_batch_of_many_numbers_is_differentiated_in_reverse():
     assert diffrax.RecursiveCheckpointAdjoint in modes
     np.testing.assert_allclose(gradients[0], -7 * np.exp(-rates) / 8, rtol=1e-9)
     np.testing.assert_allclose(gradients[1], [np.exp(-rates).mean()] * 3, rtol=1e-9)
+    along = jax.vmap(lambda start: jax.jvp(lambda s: solve(s, rates), (start,), (1.0,)))
+    value, slope = jax.jit(along)(starts)
+    np.testing.assert_allclose(value, starts * slope, rtol=1e-12)
+    np.testing.assert_allclose(slope, [np.exp(-rates).mean()] * 3, rtol=1e-9)
     modes.clear()
     each = jax.jit(jax.vmap(jax.grad(solve, 1), (0, None)))(starts, rates)
     assert diffrax.RecursiveCheckpointAdjoint in modes

@@ -1,5 +1,7 @@
 """Reverse mode through stored stages, of a small field of its own: the same as forward mode."""
 
+from typing import Any
+
 import diffrax
 import equinox as eqx
 import jax
@@ -38,9 +40,9 @@ def values(given, backwards, *, turns, ends, solver=None, **more):
     """Of a flight: time, state, and largest angles."""
     start, t0, args, level, t1 = given
     kinds = (Ground(level),) if ends else ()
-    more = {"rtol": 1e-5, "atol": 1e-5, "max_steps": 400} | more
+    options: Any = {"rtol": 1e-5, "atol": 1e-5, "max_steps": 400} | more
     settings = settings_of(
-        times=None, ends=kinds, solver=solver, step=None, dense=False, max_time=t1, **more
+        times=None, ends=kinds, solver=solver, step=None, dense=False, max_time=t1, **options
     )
     if backwards:
         found = stored.solve_back(field, start, t0, args, settings, turns=turns)

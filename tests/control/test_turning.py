@@ -27,7 +27,7 @@ from jaxglide import (
     linear_quadratic,
     steady_glide,
 )
-from jaxglide.control.regulator import YAW
+from jaxglide.control.regulator import YAW, Linear
 from jaxglide.control.turning import steady_turn
 from jaxglide.control.waypoints import course
 
@@ -64,28 +64,35 @@ def nearest(path, points):
     return np.linalg.norm(there - points[:, None], axis=2).min(axis=1)
 
 
-def test_the_cheapest_turn_repeats_itself_but_for_the_yaw(regulator):
-    linear = jax.tree.map(np.asarray, regulator.linear)
-    half = np.asarray(regulator.high - regulator.low) / 2
-    inputs, states = steady_turn(linear, half)
-    count, n, _ = linear.B.shape
+def test_the_cheapest_turn_repeats_itself_but_for_the_yaw():
+    """Of a system like those of flights: nothing depends on the yaw."""
+    rng, count, n, half = np.random.default_rng(0), 4, 15, np.array([0.4, 1.2])
+    A, B = 0.2 * rng.normal(size=(count, n, n)), rng.normal(size=(count, n, 2))
+    A[:, :, YAW] = np.eye(n)[YAW]
+    inputs, states = steady_turn(Linear(states=None, A=A, B=B), half)  # type: ignore[arg-type]
 
     def after(inputs, state):
         for k in range(count):
-            state = linear.A[k] @ state + linear.B[k] @ inputs[k]
+            state = A[k] @ state + B[k] @ inputs[k]
         return state
 
-    np.testing.assert_allclose(after(inputs, states[0]) - states[0], np.eye(n)[YAW], atol=1e-9)
-    # any other periodic inputs that turn as far cost more
-    cost, rng = np.sum((inputs / half) ** 2), np.random.default_rng(0)
-    own = np.delete(np.arange(n), YAW)
-    cycle = np.linalg.multi_dot(linear.A[::-1])
-    for other in (np.tile([0.0, 1.0], (count, 1)), inputs + rng.normal(size=inputs.shape)):
-        left = after(other, np.zeros(n))
+    yaw, own = np.eye(n)[YAW], np.delete(np.arange(n), YAW)
+    np.testing.assert_allclose(after(inputs, states[0]) - states[0], yaw, atol=1e-9)
+    cycle = np.linalg.multi_dot(A[::-1])
+
+    def cost(inputs):
+        """Of periodic inputs, as far as they turn by a radian."""
         start = np.zeros(n)
-        start[own] = np.linalg.solve(np.eye(n - 1) - cycle[np.ix_(own, own)], left[own])
-        turn = after(other, start)[YAW]
-        assert np.sum((other / turn / half) ** 2) > 1.1 * cost
+        left = after(inputs, start)[own]
+        start[own] = np.linalg.solve(np.eye(n - 1) - cycle[np.ix_(own, own)], left)
+        return np.sum((inputs / after(inputs, start)[YAW] / half) ** 2)
+
+    assert cost(inputs) == pytest.approx(np.sum((inputs / half) ** 2), rel=1e-9)
+    for _ in range(4):
+        other = 1e-3 * np.abs(inputs).max() * rng.normal(size=inputs.shape)
+        assert min(cost(inputs + other), cost(inputs - other)) > cost(inputs)
+    none = np.zeros_like(B)
+    assert not np.any(steady_turn(Linear(None, A, none), half)[0])  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

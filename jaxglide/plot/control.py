@@ -119,8 +119,8 @@ def _draw_heading(ax: Axes, target: Target) -> None:
     ax.axhline(wanted, color=YAW, lw=0.8, ls=(0, (4, 2)), label="heading", zorder=1)
     low, high = ax.get_ylim()
     ax.set_ylim(min(low, wanted - 3), max(high, wanted + 3))
-    place = {"xytext": (-2, 1), "textcoords": "offset points", "ha": "right", "va": "bottom"}
-    ax.annotate("heading", (ax.get_xlim()[1], wanted), color=YAW, fontsize=6.5, **place)
+    offset: Any = {"xytext": (3, 1), "textcoords": "offset points", "va": "bottom"}
+    ax.annotate("heading", (ax.get_xlim()[0], wanted), color=YAW, fontsize=6.5, **offset)
 
 
 def _draw_points(ax: Axes, target: Target) -> None:

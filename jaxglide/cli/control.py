@@ -197,7 +197,7 @@ def _plain(flight, controller) -> dict[str, Any]:
 
 
 def _compare(args) -> int:
-    from ..files.controllers import flights_dataset
+    from ..files.controllers import controlled_dataset, drawn_as
 
     laws = list(by_name("--law", ((law, None) for law in args.law or ("none", "lqr"))))
     environment = environment_of(args, laws)
@@ -216,13 +216,13 @@ def _compare(args) -> int:
         tables[law] = evaluate_policy(environment, policy, args.flights, **options)
         if not args.json:
             print(_line(law, tables[law]), flush=True)
-    data = flights_dataset(tables)
+    data = controlled_dataset(tables)
 
     def figure():
         from ..plot import share_landed
 
         over = drawn[0] if args.over is None else environment.case.path(args.over)
-        return share_landed(data, over).figure
+        return share_landed(data, drawn_as(drawn)[over]).figure
 
     write(lambda: data, figure, args)
     if args.json:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..control import Controller
     from ..flight.trajectory import AbstractTrajectory
     from ..steady import SteadyGlide
-    from .controllers import controller_dataset, controller_of, flights_dataset
+    from .controllers import controlled_dataset, controller_dataset, controller_of
     from .glides import glide_dataset
     from .logs import log_dataset
     from .restore import flight_of
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from .steady import steady_dataset, steady_of
 
 __all__ = [
+    "controlled_dataset",
     "controller_dataset",
     "controller_of",
     "flight_of",
-    "flights_dataset",
     "glide_dataset",
     "log_dataset",
     "open",
@@ -39,7 +39,7 @@ _WHERE = {
     "controller_dataset": "controllers",
     "controller_of": "controllers",
     "flight_of": "restore",
-    "flights_dataset": "controllers",
+    "controlled_dataset": "controllers",
     "glide_dataset": "glides",
     "log_dataset": "logs",
     "open_dataset": "saved",

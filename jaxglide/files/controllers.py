@@ -1,7 +1,8 @@
 """Controllers as data, and made whole again: arrays by name, and records of what holds them."""
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -203,13 +204,27 @@ def _controller(data: xr.Dataset) -> Controller:
     return Controller(policy, environment)
 
 
-def flights_dataset(tables: Mapping[str, xr.Dataset]) -> xr.Dataset:
+def drawn_as(names: Iterable[Any]) -> dict[str, str]:
+    """Names of variables for numbers that were drawn, by their paths, among all names."""
+    paths = [str(name) for name in names if "." in str(name)]
+    last = [path.rpartition(".")[2] for path in paths]
+    found = {}
+    for path, one in zip(paths, last, strict=True):
+        brief = one if last.count(one) == 1 else path
+        found[path] = re.sub(r"\W+", "_", brief).strip("_")
+    return found
+
+
+def controlled_dataset(tables: Mapping[str, xr.Dataset]) -> xr.Dataset:
     """Random flights of several laws as one dataset, along `law` and `flight`.
 
     Args:
         tables: of `evaluate_policy`, by what steered.
+
+    Returns:
+        Their variables with units; what was drawn by its last name, `speed` of `launch.speed`.
     """
-    several = [table.drop_attrs(deep=False) for table in tables.values()]
+    several = [table.rename(drawn_as(table)) for table in tables.values()]
     data = xr.concat(several, xr.Variable("law", list(tables)), combine_attrs="override")
     words = {
         "outcome": ("", "how the flight ended"),

@@ -170,8 +170,8 @@ def test_laws_are_compared_by_the_same_flights(capsys, asked, monkeypatch, tmp_p
     assert data.sizes == {"law": 2, "flight": 4, "axis": 3, "angle": 3}
     assert data["landed"].sum("flight").values.tolist() == [1, 4]
     assert data["outcome"].attrs["flag_meanings"].startswith("landed ")
-    assert data["launch.speed"].attrs["units"] == "m/s"
-    assert draw(data).said == "share of flights that land over launch.speed"
+    assert data["speed"].attrs["units"] == "m/s"
+    assert draw(data).said == "share of flights that land over speed"
     assert drawn.stat().st_size > 5_000
     code, out, _ = run(capsys, "control", "compare", "--law", "none", *words, "--json")
     counts = {"flights": 4, "landed": 4, "distance": 7.5, "time": 2.5}

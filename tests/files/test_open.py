@@ -15,12 +15,25 @@ import xarray as xr
 from made_steady import made_steady
 
 import jaxglide
-from jaxglide import Branch, Gait, Glide, Glider, Launch, Polar, Snake, TakeOff
+from jaxglide import (
+    Branch,
+    Case,
+    Constant,
+    Controller,
+    Environment,
+    Gait,
+    Glide,
+    Glider,
+    Launch,
+    Polar,
+    Snake,
+    TakeOff,
+)
 from jaxglide._lib.formats import TITLES, kind_of, marked
 from jaxglide.ensemble import records, survey
 from jaxglide.ensemble.steady_records import steady_contents
 from jaxglide.ensemble.study import Study
-from jaxglide.files import glide_dataset, log_dataset, steady_dataset
+from jaxglide.files import controlled_dataset, glide_dataset, log_dataset, steady_dataset
 from jaxglide.flight.ends import default_ends
 from jaxglide.flight.solve import settings_of
 from jaxglide.flight.trajectory import Trajectory
@@ -31,7 +44,7 @@ from jaxglide.search.optimum import optimise
 from made_recordings import swimming, write_tabular
 from made_searches import Made, problem_of
 
-FLIGHTS = ("glide", "trajectory", "steady glide")  # opened as these
+FLIGHTS = ("glide", "trajectory", "steady glide", "controller")  # opened as these
 GRID = {"nu_theta": [1.2, 1.4], "d_psi": [0.0, 10.0]}
 
 
@@ -125,6 +138,19 @@ def compared(data):
         return flights.fly_flights(data)
 
 
+def controller():
+    glider = Glider(Snake.from_svl(nodes=12), Gait.from_degrees(), Polar.smooth())
+    environment = Environment(Case(glider))
+    return Controller(Constant(environment.plant.inputs), environment)
+
+
+def controlled():
+    values = {"landed": True, "outcome": np.int32(0), "time": 1.0, "launch.speed": 2.0}
+    flights = xr.Dataset({name: ("flight", [value]) for name, value in values.items()})
+    flights["outcome"].attrs["words"] = ["landed", "unstable in yaw"]
+    return controlled_dataset({"none": flights, "lqr": flights})
+
+
 def fitted():
     fitter = SimpleNamespace(trials=["a"], animals=["A"], corrected=["psi_m"])
     one = SimpleNamespace(
@@ -177,6 +203,8 @@ def results(tmp_path_factory, log):
         "measured flights": recorded,
         "compared flights": compared(recorded),
         "fit": fitted(),
+        "controller": controller(),
+        "controlled flights": controlled(),
         "steady branch": branch(),
     }
 

@@ -1,5 +1,6 @@
 """Flights under control from flags: what flies, what it senses, what steers."""
 
+import argparse
 import dataclasses
 import math
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 from .._lib.defaults import GRADIENT_SETUP
 from .._lib.fields import Parameter
 from ..ensemble import parts
+from ..flight.ends import AngleLimit, Ground
 from ._case import (
     add_glider,
     add_number,
@@ -36,7 +38,7 @@ _SENSES = {
     "resolution": Parameter("deg", "angles are rounded to it", low=0, high=57),
     "delay": Parameter("s", "between a sample and its command", low=0, high=1),
 }
-_DESIGN = ("inputs", "samples", "price", "launch_cycles", "towards")
+_DESIGN = ("inputs", "samples", "price", "launch_cycles", "towards", "to")
 _BODY = ("node_set", "nodes", "body")
 
 
@@ -57,6 +59,18 @@ def add_law(parser, several: bool) -> None:
     add_number(group, "launch_cycles", _LAUNCH, 0, kind=whole)
     add_number(group, "price", _PRICE, 1.0)
     add_number(group, "towards", _TOWARDS, 0.0)
+    text = "point to fly to, to the right of the launch and forward of it [m]; may be repeated"
+    group.add_argument(
+        "--to", action="append", default=[], type=_point, metavar="RIGHT,FORWARD", help=text
+    )
+
+
+def _point(text: str) -> tuple[float, float]:
+    try:
+        right, forward = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not RIGHT,FORWARD") from None
+    return right, forward
 
 
 def add_flight(parser) -> None:
@@ -132,10 +146,12 @@ def environment_of(args, laws: list[str]):
     if not files:
         names = [name.strip() for name in args.inputs.split(",")]
         given = {"samples": args.samples} if "samples" in args.given else {}
-        case = case_of(args)
-        return Environment(
-            case, names, vary=_vary(args), senses=_senses(args, Senses()), **given
-        )
+        case, senses = case_of(args), _senses(args, Senses())
+        if args.to:
+            senses = dataclasses.replace(senses, place=True)
+            upright = Ground(), AngleLimit(angles=("pitch", "roll"))
+            case = case if "end" in args.given else dataclasses.replace(case, ends=upright)
+        return Environment(case, names, vary=_vary(args), senses=senses, **given)
     own = _DESIGN if len(files) == len(laws) else ("inputs", "samples")
     refuse(args, (*own, *_BODY), f"{files[0]} decides it")
     known = arguments_of(_opened(files[0]).environment)
@@ -162,13 +178,15 @@ def _changed(args, case):
 
 def law_of(args, law: str, environment):
     """A policy by name, or from a file, checked to fit."""
-    from ..control import Constant, Controller, linear_quadratic
+    from ..control import Constant, Controller, CoordinatedTurn, Waypoints, linear_quadratic
 
     if law == "none":
         policy = Constant(environment.plant.inputs)
     elif law == "lqr":
         heading, launch = math.radians(args.towards), args.launch_cycles
         policy = linear_quadratic(environment, price=args.price, heading=heading, launch=launch)
+        if args.to:
+            policy = Waypoints(CoordinatedTurn(policy), args.to)
     else:
         policy = _opened(law).policy
         try:

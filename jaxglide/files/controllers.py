@@ -169,12 +169,19 @@ def _registry(data: xr.Dataset) -> Registry:
             raise ValueError(f"{name} is not finite")
         return jnp.asarray(values)
 
-    names = "Constant", "Regulator", "GainScheduled", "NeuralPolicy"
-    names += "CoordinatedTurn", "Waypoints"
-    laws = {name: getattr(control, name) for name in names if hasattr(control, name)}
+    kinds = (
+        control.Constant,
+        control.Regulator,
+        control.GainScheduled,
+        control.NeuralPolicy,
+        control.CoordinatedTurn,
+        control.Waypoints,
+        control.Senses,
+        Linear,
+    )
+    laws = {kind.__name__: kind for kind in kinds}
     made = {"Environment": _environment, "Stored": stored, "Network": _network}
-    own = {"Linear": Linear, "Senses": control.Senses}
-    return {**PARTS, **laws, **made, **own}
+    return {**PARTS, **laws, **made}
 
 
 def controller_of(data: xr.Dataset) -> Controller:

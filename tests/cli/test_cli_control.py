@@ -113,6 +113,18 @@ def test_options_reach_the_library(capsys, asked):
     assert float(environment.case.launch.height) == 2
 
 
+def test_points_are_flown_to_by_place_whatever_the_yaw(capsys, asked, monkeypatch):
+    monkeypatch.setattr("jaxglide.control.CoordinatedTurn", lambda regulator: regulator)
+    monkeypatch.setattr("jaxglide.control.Waypoints", lambda *given: asked.update(given=given))
+    run(capsys, "control", "fly", "--to", "-20,50", "--to", "0,90", *SMALL)
+    regulator, points = asked["given"]
+    assert isinstance(regulator, Constant)
+    assert points == [(-20, 50), (0, 90)]
+    environment = asked["environment"]
+    assert environment.senses.place
+    assert environment.case.ends[1].angles == ("pitch", "roll")
+
+
 def test_what_is_given_beside_a_file_changes_its_case(capsys, asked, files):
     run(
         capsys, "control", "fly", "--law", str(files["keep"]), "--polar", "published",
@@ -225,6 +237,8 @@ def test_a_law_is_trained_kept_and_told(capsys, monkeypatch, tmp_path, files):
         (["fly", "--vary", "speed=2"], "--vary 'speed=2' is not NAME=LOW:HIGH"),
         (["fly", "--vary", "speed=2:1"], "the lowest is above the highest"),
         (["fly", "--vary", "speed=1:2", "--vary", "speed=1:3"], "--vary gives speed twice"),
+        (["fly", "--to", "3"], "argument --to: '3' is not RIGHT,FORWARD"),
+        (["fly", "--law", "{keep}", "--to", "3,4"], "--to does not apply: .*law.nc decides it"),
         (["fly", "--inputs", "tail"], "inputs = 'tail'"),
         (["fly", "--delay", "0.2"], r"delay = 0\.2 s is not allowed"),
         (["fly", "--angle-noise", "100"], "--angle-noise = 100 deg is not allowed"),

@@ -28,6 +28,7 @@ _FIGURES = {
     "steady-optimum": "steady_optimum.py",
     "steady-branches": "steady_branches.py",
     "turning": "turning.py",
+    "train-control": "train_control.py",
     "validation": "validation.py",
 }
 

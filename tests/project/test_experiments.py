@@ -88,7 +88,7 @@ def test_every_script_and_picture_is_there():
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
     pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
-    assert len(pictures) == 27
+    assert len(pictures) == 28
     for path in pictures:
         assert (FINDINGS / path).exists(), path
 
@@ -451,4 +451,21 @@ def test_fit_forces(run):
         flights, lift, drag, *apart = rows[str(values[0])]
         agree(flights, values[1])
         for text, value in zip((lift, drag, *apart), values[2:], strict=True):
+            agree(text, value, share=SEARCHES)
+
+
+@slow
+@for_hours
+def test_train_control(run):
+    found = run("jaxglide figure train-control")
+    for row, record in zip(table(PAGE, "flights"), found["trained"], strict=True):
+        assert row[0] == record["condition"]
+        for text, value in zip(row[1:], list(record.values())[1:], strict=True):
+            agree(text, value, share=SEARCHES)
+    for row, record in zip(table(PAGE, "law"), found["trained_laws"], strict=True):
+        assert row[0] == record["law"]
+        for text, value in zip(row[1:], list(record.values())[1:], strict=True):
+            agree(text, value, share=SEARCHES)
+    for row, record in zip(table(PAGE, "window"), found["trained_windows"], strict=True):
+        for text, value in zip(row, record.values(), strict=True):
             agree(text, value, share=SEARCHES)

@@ -67,6 +67,7 @@ def _is_none(x) -> bool:
 
 def _noticed(leaves: list, moves: list) -> list:
     """The same leaves; whether each has a tangent is noted in `moves` as it is traced."""
+    moves[:] = [False] * len(leaves)  # JAX asks no rule where nothing moves at all
 
     @jax.custom_jvp
     def same(leaves):

@@ -9,11 +9,13 @@ import pytest
 from jaxglide import (
     AngleLimit,
     Case,
+    Evaluator,
     Gait,
     Glider,
     Launch,
     Plane,
     Polar,
+    Problem,
     Repeated,
     Snake,
     Trial,
@@ -104,6 +106,20 @@ def test_knots_are_where_they_say_and_limits_hold(case, shot):
     assert np.ptp(shot.values) > 1
     assert "landing_distance" in str(shot)
     assert "d_psi" in str(shot)
+
+
+@pytest.mark.parametrize("knots", [3, pytest.param(30, marks=pytest.mark.slow)])
+def test_gradients_by_the_knots_are_differences(case, knots):
+    """Forward with few knots, backwards with many; the launch depends on none of them."""
+    program = ProgramSpace.of(case, ("d_psi",), knots, 0.55, "time", None)
+    told = {"rtol": 1e-11, "atol": 1e-11}
+    problem = Problem(landing_distance, program.bounds, case=program.case, **told)
+    point = np.array(list(program.guesses(2, 0)[1].values()))
+    way = np.random.default_rng(0).normal(size=knots)
+    slope = Evaluator(problem)(point[None]).gradients[0, 0] @ way
+    ends = point + 3e-4 * np.array([way, -way])
+    values = Evaluator(problem, gradients=False)(ends).values[:, 0]
+    np.testing.assert_allclose(slope, (values[0] - values[1]) / 6e-4, rtol=5e-5)
 
 
 def test_a_cycle_repeats_itself_smoothly():

@@ -29,6 +29,8 @@ _FIGURES = {
     "steady-branches": "steady_branches.py",
     "turning": "turning.py",
     "train-control": "train_control.py",
+    "control": "control.py",
+    "program-cost": "program_cost.py",
     "validation": "validation.py",
 }
 

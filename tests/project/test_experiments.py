@@ -432,6 +432,27 @@ def test_robustness(run):
 
 @slow
 @for_hours
+def test_control(run):
+    found = run("jaxglide figure control")
+    for record, row in zip(found["control_totals"], table(PAGE, "sensed"), strict=True):
+        values = list(record.values())
+        assert row[0] == values[0]
+        for text, value in zip(row[1:], values[1:], strict=True):
+            agree(text, value, share=SEARCHES)
+
+
+@slow
+@for_hours
+def test_program_cost(run):
+    found = run("jaxglide figure program-cost --size 600")["program_cost"]
+    for record, row in zip(found, table(PAGE, "knots"), strict=True):
+        values = list(record.values())
+        for text, value in zip((row[0], *row[2:5]), (values[0], *values[2:11:3]), strict=True):
+            agree(text, value, share=SEARCHES)
+
+
+@slow
+@for_hours
 def test_search_cost(run):
     records = run("jaxglide figure search-cost")["search_cost"]
     for row, record in zip(table(PAGE, "search"), records, strict=True):

@@ -15,7 +15,7 @@ from ..body.sections import discretise
 from ..flight.case import Case
 from ..flight.dynamics import ANGLES, OMEGA, POSITION, RIGID, VELOCITY, Flight, Glider
 from ..flight.ends import Outcome
-from ..flight.launch import take_off
+from ..flight.launch import started, take_off
 from .plant import INPUTS, STEP, Ended, Flying, Plant, actuated
 from .policy import AbstractPolicy, Sensed
 
@@ -145,7 +145,7 @@ class Environment(eqx.Module):
         glider = actuated(case.glider, inputs, **dict(actuators or {}))
         if not float(gait.f_theta) > 0:
             raise ValueError("f_theta = 0 Hz is not allowed: samples are parts of a cycle")
-        start = take_off(case.glider, case.launch, discretise(case.glider.body))
+        start = started(case.glider, case.launch)
         interval = 1 / (samples * float(gait.f_theta))
         self.senses = Senses() if senses is None else senses
         check_range("delay", self.senses.delay, "s", 0, interval, high_open=True)

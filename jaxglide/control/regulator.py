@@ -9,8 +9,7 @@ from scipy.linalg import LinAlgError, solve_discrete_are
 
 from .._lib.checks import check_integer, check_range
 from .._lib.types import Array, Float
-from ..body.sections import discretise
-from ..flight.launch import take_off
+from ..flight.launch import started
 from ..steady import SteadyGlide, steady_glide
 from ..steady.reduced import scales
 from .environment import Environment
@@ -225,7 +224,7 @@ _FADES = 8.0  # samples over which the first guess of a plan comes to the glide
 def _planned(environment: Environment, gains: Gains, linear: Linear, turn, cost, cycles):
     """The launch planned over so many cycles, to the glide that the gains are of."""
     plant, chosen, case = environment.plant, environment.chosen, environment.case
-    begun = take_off(case.glider, case.launch, discretise(case.glider.body))
+    begun = started(case.glider, case.launch)
     held = plant.inputs[np.array(chosen)]
     start = np.asarray(controlled_state(plant.launched(begun.state).state, held, chosen))
     cycle, count = np.asarray(linear.states), len(linear.states)

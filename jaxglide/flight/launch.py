@@ -11,7 +11,7 @@ import optimistix as optx
 from .._lib.fields import Part, about, floats
 from .._lib.numerics import safe_sqrt, sincos, solve3
 from .._lib.types import Array, Float, Mat3, Scalar, State, Vec3
-from ..body.sections import Sections
+from ..body.sections import Sections, discretise
 from ..loads.inertia import angular_momentum, inertia_tensor
 from ..shape.kinematics import backbone
 from .attitude import angle_rates, rotation_matrix
@@ -109,6 +109,12 @@ class TakeOff(eqx.Module):
     angles: Vec3
     speed: Scalar
     state: State
+
+
+@eqx.filter_jit
+def started(glider: Glider, launch: Launch) -> TakeOff:
+    """`take_off`, compiled: asked outside of what is, it would compile its parts anew."""
+    return take_off(glider, launch, discretise(glider.body))
 
 
 def published_speed(glider: Glider, sections: Sections) -> Scalar:

@@ -21,7 +21,7 @@ from ..flight.dynamics import ANGLES, PATH, RIGID
 from ..flight.ends import TURNS, AngleLimit, Ground, Outcome
 from ..flight.glide import Glide, checked
 from ..flight.integrate import integrate
-from ..flight.launch import take_off
+from ..flight.launch import started, take_off
 from ..steady import steady_glide
 from .objective import Objective, Trial
 from .problem import Asked, judged
@@ -76,7 +76,7 @@ class Pieces(eqx.Module):
     def of(cls, program, count: int) -> "Pieces":
         """A programme's flight in so many pieces."""
         case, m = program.case, len(INPUTS)
-        begun = take_off(case.glider, case.launch, discretise(case.glider.body))
+        begun = started(case.glider, case.launch)
         chosen = [INPUTS.index(name) for name in program.inputs]
         moving = [*chosen, *(m + k for k in chosen)]
         moving += [2 * m] if "f_theta" in program.inputs else []

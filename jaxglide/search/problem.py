@@ -20,7 +20,6 @@ from ..flight.ends import AbstractEnd
 from ..flight.launch import Launch
 from .objective import Constraint, Objective, Trial, plain
 
-_LANES = 16  # points per core in one batch
 
 
 class Evaluation(NamedTuple):

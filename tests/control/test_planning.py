@@ -96,6 +96,17 @@ def test_no_other_inputs_are_cheaper(environment, planned, asked):
     assert least < 0.7 * wanted.cost(flown(environment, start, alone), alone)
 
 
+def test_steps_are_those_of_newton(environment, planned, asked):
+    """From the plan's own inputs, shifted, it is back in a few steps, with no slope left."""
+    start, wanted = asked
+    told = np.asarray(planned.told[: planned.launch])
+    shifted = np.clip(told + 0.05, wanted.low, wanted.high)
+    guess = flown(environment, start, shifted), shifted
+    plan = plan_launch(start, environment.plant, environment.chosen, wanted, guess)
+    assert plan.iterations <= 14
+    np.testing.assert_allclose(plan.inputs, told, atol=0.02)
+
+
 def test_limits_hold_and_bind(environment, planned, asked):
     """Narrower limits are met exactly, and cost more."""
     start, wanted = asked
@@ -112,6 +123,12 @@ def test_limits_hold_and_bind(environment, planned, asked):
     free = wanted.cost(flown(environment, start, told), told)
     np.testing.assert_allclose(narrow.cost(plan.states, plan.inputs), plan.cost, rtol=1e-9)
     assert plan.cost > free
+    assert plan.iterations < 25
+    rng = np.random.default_rng(1)
+    for _ in range(12):  # nothing within the limits is cheaper
+        change = 0.1 * half * rng.normal(size=told.shape)
+        other = np.clip(plan.inputs + change, narrow.low, narrow.high)
+        assert narrow.cost(flown(environment, start, other), other) > plan.cost
 
 
 @pytest.mark.slow

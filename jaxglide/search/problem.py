@@ -21,7 +21,6 @@ from ..flight.launch import Launch
 from .objective import Constraint, Objective, Trial, plain
 
 
-
 class Evaluation(NamedTuple):
     """Values at S points: the objective and m slacks, and their gradients.
 

@@ -88,7 +88,7 @@ def test_every_script_and_picture_is_there():
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
     pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
-    assert len(pictures) == 28
+    assert len(pictures) == 30
     for path in pictures:
         assert (FINDINGS / path).exists(), path
 
@@ -434,7 +434,9 @@ def test_robustness(run):
 @for_hours
 def test_control(run):
     found = run("jaxglide figure control")
-    for record, row in zip(found["control_totals"], table(PAGE, "sensed"), strict=True):
+    for record, row in zip(
+        found["control_totals"], table(PAGE, "the law is told"), strict=True
+    ):
         values = list(record.values())
         assert row[0] == values[0]
         for text, value in zip(row[1:], values[1:], strict=True):

@@ -76,6 +76,7 @@ def test_in_the_pool_as_alone(flights, together):
         np.testing.assert_allclose(found.gradients[k], slopes, rtol=1e-5, atol=1e-9)
 
 
+@pytest.mark.slow  # by the compiler that users have, as the slow set is
 def test_bits_depend_on_no_neighbour(flights, together, monkeypatch):
     points, found = together
     chosen = np.array([31, 4, 17, 4, 9])

@@ -3,7 +3,7 @@
 Smooth polar, 40 Gauss nodes. Set are d_psi (-20 to 30 degrees), d_theta (-30 to 30) and psi_m
 (0 to 45), eight times a cycle. A shape is brought to one of its upright steady glides, of its
 own gait or of another d_psi and psi_m: the launch is planned over four cycles, then the
-linear-quadratic regulator holds the glide. The first twelve such glides and two prices of the
+linear-quadratic regulator holds the glide. The first four such glides and two prices of the
 inputs are tried one after the other until all flights land: the whole state is sensed;
 attitude, angular velocity and actuators alone; the same with noise of 2 degrees and 0.2 rad/s,
 50 ms late; the same in a gust of up to 1 m/s. In the last two 16 flights, with other noise,
@@ -39,7 +39,7 @@ REFERENCES = (
     *((d, p) for p in (20.0, 30.0, 10.0, 40.0, 5.0) for d in (5.0, 0.0, 15.0, -5.0, 20.0)),
 )
 """d_psi and psi_m of the glides that are tried [deg per SVL and deg]."""
-PRICES, GLIDES = (1.0, 10.0), 12
+PRICES, GLIDES = (1.0, 10.0), 4
 STEEPEST, LEANING = np.deg2rad(65.0), np.deg2rad(40.0)  # pitch and roll of an upright glide
 _LATE = {"angle_noise": np.deg2rad(2.0), "omega_noise": 0.2, "delay": 0.05}
 SITUATIONS = {

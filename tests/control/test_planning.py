@@ -96,17 +96,6 @@ def test_no_other_inputs_are_cheaper(environment, planned, asked):
     assert least < 0.7 * wanted.cost(flown(environment, start, alone), alone)
 
 
-def test_steps_are_those_of_newton(environment, planned, asked):
-    """From the plan's own inputs, shifted, it is back in a few steps, with no slope left."""
-    start, wanted = asked
-    told = np.asarray(planned.told[: planned.launch])
-    shifted = np.clip(told + 0.05, wanted.low, wanted.high)
-    guess = flown(environment, start, shifted), shifted
-    plan = plan_launch(start, environment.plant, environment.chosen, wanted, guess)
-    assert plan.iterations <= 14
-    np.testing.assert_allclose(plan.inputs, told, atol=0.02)
-
-
 def test_limits_hold_and_bind(environment, planned, asked):
     """Narrower limits are met exactly, and cost more."""
     start, wanted = asked

@@ -41,13 +41,13 @@ class _Spaces:
             wanted = self.middle + self.half * jnp.clip(action, -1.0, 1.0)
             moved = environment.step(situation, situation.plant.inputs.at[index].set(wanted))
             seen = observed(moved.sensed, environment.chosen)
-            return moved.situation, seen, moved.reward, moved.over
+            return moved.situation, (seen, moved.reward, moved.over, moved.landed)
 
         self.reset, self.step = reset, step
 
 
 class GlideEnv(gym.Env):
-    """One flight as a Gymnasium environment.
+    """One flight as a Gymnasium environment; `info["landed"]` says whether it has landed.
 
     Args:
         environment: what flies.
@@ -62,26 +62,29 @@ class GlideEnv(gym.Env):
         self.observation_space = self._spaces.observation
         self._reset = eqx.filter_jit(self._spaces.reset)
         self._step = eqx.filter_jit(self._spaces.step)
-        self._count, self._situation = 0, None
+        self._situation = None
 
     def reset(self, *, seed: int | None = None, options=None):
         super().reset(seed=seed)
         key = jax.random.key(int(self.np_random.integers(2**31)))
         self._situation, seen = self._reset(key)
-        self._count = 0
         return np.asarray(seen, np.float32), {}
 
     def step(self, action):
         if self._situation is None:
             raise RuntimeError("step before reset")
-        self._count += 1
-        self._situation, seen, reward, over = self._step(self._situation, jnp.asarray(action))
-        cut = self._count >= self._spaces.samples
-        return np.asarray(seen, np.float32), float(reward), bool(over), cut and not over, {}
+        self._situation, told = self._step(self._situation, jnp.asarray(action))
+        seen, reward, over, landed = told
+        cut = int(self._situation.sample) >= self._spaces.samples and not over
+        info = {"landed": bool(landed)}
+        return np.asarray(seen, np.float32), float(reward), bool(over), bool(cut), info
 
 
 class GlideVectorEnv(gym.vector.VectorEnv):
-    """Many flights at once, as one vmapped computation; a flight that is over begins anew.
+    """Many flights at once, as one vmapped computation; one that is over begins anew at once.
+
+    What is seen in the step that ends a flight is the launch of the next; the last of
+    the old is `info["final_obs"]`, and whether it landed `info["final_info"]["landed"]`.
 
     Args:
         environment: what flies.
@@ -89,7 +92,7 @@ class GlideVectorEnv(gym.vector.VectorEnv):
         samples: after which a flight is cut off.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP}
+    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}
 
     def __init__(self, environment: Environment, num_envs: int, samples: int = 200):
         check_integer("num_envs", num_envs, 1, 1_000_000)
@@ -103,28 +106,27 @@ class GlideVectorEnv(gym.vector.VectorEnv):
         )
         self._reset = eqx.filter_jit(jax.vmap(self._spaces.reset))
 
-        def step(situation, action, fresh, keys):
-            """A step of each; what was over is drawn anew instead."""
-            moved = jax.vmap(self._spaces.step)(situation, action)
-            begun, seen = jax.vmap(self._spaces.reset)(keys)
+        def step(situation, action, keys):
+            """A step of each; what is over or cut off is drawn anew."""
+            moved, told = jax.vmap(self._spaces.step)(situation, action)
+            last, reward, over, landed = told
+            begun, first = jax.vmap(self._spaces.reset)(keys)
+            cut = (moved.sample >= samples) & ~over
+            ended = over | cut
 
             def choose(new, old):
                 if jnp.issubdtype(new.dtype, jax.dtypes.prng_key):
                     return jax.random.wrap_key_data(
                         choose(jax.random.key_data(new), jax.random.key_data(old))
                     )
-                return jnp.where(fresh.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+                return jnp.where(ended.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
             arrays, rest = eqx.partition(begun, eqx.is_array)
-            later = eqx.combine(
-                jax.tree.map(choose, arrays, eqx.filter(moved[0], eqx.is_array)), rest
-            )
-            reward = jnp.where(fresh, 0.0, moved[2])
-            return later, choose(seen, moved[1]), reward, moved[3] & ~fresh
+            later = jax.tree.map(choose, arrays, eqx.filter(moved, eqx.is_array))
+            seen = choose(first, last)
+            return eqx.combine(later, rest), (seen, reward, over, cut, last, landed)
 
         self._step = eqx.filter_jit(step)
-        self._count = np.zeros(num_envs, int)
-        self._fresh = np.zeros(num_envs, bool)
         self._situation = None
 
     def _keys(self):
@@ -135,16 +137,18 @@ class GlideVectorEnv(gym.vector.VectorEnv):
     def reset(self, *, seed: int | None = None, options=None):
         super().reset(seed=seed)
         self._situation, seen = self._reset(self._keys())
-        self._count[:], self._fresh[:] = 0, False
         return np.asarray(seen, np.float32), {}
 
     def step(self, actions):
         if self._situation is None:
             raise RuntimeError("step before reset")
-        given = self._situation, jnp.asarray(actions), jnp.asarray(self._fresh), self._keys()
-        self._situation, seen, reward, over = self._step(*given)
-        self._count = np.where(self._fresh, 0, self._count + 1)
-        over = np.asarray(over)
-        cut = (self._count >= self._spaces.samples) & ~over
-        self._fresh = over | cut
-        return np.asarray(seen, np.float32), np.asarray(reward), over, cut, {}
+        self._situation, told = self._step(self._situation, jnp.asarray(actions), self._keys())
+        seen, reward, over, cut, last, landed = map(np.asarray, told)
+        ended, info = over | cut, {}
+        if ended.any():
+            info["final_obs"], info["_final_obs"] = last.astype(np.float32), ended
+            info["final_info"], info["_final_info"] = (
+                {"landed": landed, "_landed": ended},
+                ended,
+            )
+        return seen.astype(np.float32), reward, over, cut, info

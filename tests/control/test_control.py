@@ -288,22 +288,35 @@ def test_yaw_is_where_it_says(seeing):
 
 def test_gymnasiums_checker_is_content(seeing):
     case = Case(seeing.held, Launch(height=3.0))
-    environment = Environment(case, vary={"launch.speed": (1.5, 2.0)})
+    vary = {"launch.height": (3.0, 6.0), "launch.speed": (1.5, 2.0)}
+    environment = Environment(case, vary=vary)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         check_env(GlideEnv(environment, samples=30))
-    many = GlideVectorEnv(environment, 3, samples=30)
-    first, _ = many.reset(seed=1)
-    told, gone, ended = np.zeros((3, 2), np.float32), np.zeros(3), []
+    many = GlideVectorEnv(environment, 6, samples=10)
+    first, info = many.reset(seed=1)
+    assert not info
+    told, gone = np.zeros((6, 2), np.float32), np.zeros(6)
+    ways = np.zeros((2, 6), int)  # how often each landed, and was cut off
+    since = np.zeros(6, int)
     for _ in range(11):
-        seen, reward, over, cut, _ = many.step(told)
-        gone += reward * (not ended)
-        ended += [over] * bool(over.any())
-        assert not cut.any()
-    known, _ = many.reset(seed=1)
-    np.testing.assert_array_equal(first, known)
-    assert len(ended) == 1  # all land at the ninth step, and begin anew at the next
-    assert ended[0].all()
+        seen, reward, over, cut, info = many.step(told)
+        since, ended = since + 1, over | cut
+        gone += reward * (ways.sum(axis=0) == 0)
+        assert (cut == (~over & (since == 10))).all()
+        assert bool(info) == ended.any()
+        if ended.any():  # the launch of the next is seen, and the last of the old is told
+            np.testing.assert_array_equal(info["_final_obs"], ended)
+            np.testing.assert_array_equal(seen[ended], first[ended])
+            last = info["final_obs"]
+            assert (np.abs(last - first)[ended].max(axis=1) > 0.1).all()
+            np.testing.assert_array_equal(last[~ended], seen[~ended])
+            np.testing.assert_array_equal(info["final_info"]["landed"], over)
+        ways += np.stack([over, cut])
+        since[ended] = 0
+    assert (ways.sum(axis=0) == 1).all()
+    assert ways.any(axis=1).all()
     assert (gone > 1).all()
-    assert len(set(gone.tolist())) == 3
-    assert seen.shape == first.shape
+    assert len(set(gone.tolist())) == 6
+    again, _ = many.reset(seed=1)
+    np.testing.assert_array_equal(first, again)

@@ -146,9 +146,7 @@ class GlideVectorEnv(gym.vector.VectorEnv):
         seen, reward, over, cut, last, landed = map(np.asarray, told)
         ended, info = over | cut, {}
         if ended.any():
-            info["final_obs"], info["_final_obs"] = last.astype(np.float32), ended
-            info["final_info"], info["_final_info"] = (
-                {"landed": landed, "_landed": ended},
-                ended,
-            )
+            final = {"landed": landed, "_landed": ended}
+            info = {"final_obs": last.astype(np.float32), "final_info": final}
+            info |= {f"_{name}": ended for name in info}
         return seen.astype(np.float32), reward, over, cut, info

@@ -433,7 +433,7 @@ def test_robustness(run):
 @slow
 @for_hours
 def test_control(run):
-    found = run("jaxglide figure control")
+    found = run("jaxglide figure control --size 40")
     for record, row in zip(
         found["control_totals"], table(PAGE, "the law is told"), strict=True
     ):

@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
+from jaxglide.control import Target
 from jaxglide.plot import every_flight, heatmap, region_outlines, style
 from jaxglide.plot._labels import plain
 from jaxglide.plot._style import new_axes
@@ -92,7 +93,9 @@ def scene():
     flight = {"times": np.array([0.0, 1.0]), "centre": frames, "velocity": frames}
     turns = {"axes": np.tile(np.eye(3), (2, 1, 1)), "angles": frames}
     body = dict.fromkeys(("nodes", "chordwise", "dorsal", "lift", "drag"), nodes)
-    return Scene("", "landed", 0.7, 0.05, **flight, **turns, **along, **body)
+    none = np.zeros((2, 0))
+    told = {"steered": (), "inputs": none, "told": none, "target": Target()}
+    return Scene("", "landed", 0.7, 0.05, **flight, **turns, **along, **body, **told)
 
 
 def test_titles_and_labels_of_the_view(text, scene):

@@ -22,6 +22,7 @@ import cma
 import numpy as np
 from common import arguments, save_figure, write_table
 from matplotlib.figure import Figure
+from search_cost import price
 
 from jaxglide import Case, Gait, Glider, Launch, Polar, Snake, landing_distance
 from jaxglide.plot import style
@@ -43,23 +44,6 @@ def problem_of(knots: int) -> tuple[Problem, list[dict[str, float]]]:
     program = ProgramSpace.of(case, ("d_psi",), knots, 2.5, "time", None)
     problem = Problem(landing_distance, program.bounds, case=program.case)
     return problem, program.guesses(SEEDS + 1, 0)[1:]
-
-
-def price(problem: Problem, exact: Evaluator, fast: Evaluator) -> tuple[float, float]:
-    """Processor milliseconds of a glide, and cost of a gradient in glides."""
-    points = np.random.default_rng(99).uniform(
-        problem.low, problem.high, (32, len(problem.names))
-    )
-    best = []
-    for evaluate in (fast, exact):
-        evaluate(points)
-        times = []
-        for _ in range(3):
-            begin = time.process_time()
-            evaluate(points)
-            times.append(time.process_time() - begin)
-        best.append(min(times))
-    return 1e3 * best[0] / len(points), best[1] / best[0]
 
 
 def by_gradients(problem, guesses, exact, fast, budget: int, cost: float):
@@ -120,7 +104,7 @@ def compared(knots: int, budget: int) -> tuple[dict, tuple]:
     """Curves by search, and the rows of a number of knots."""
     problem, guesses = problem_of(knots)
     exact, fast = Evaluator(problem), Evaluator(problem, gradients=False)
-    glide, cost = price(problem, exact, fast)
+    glide, cost = price(problem, exact, fast, 32, time.process_time)
     print(f"{knots} knots: a glide {glide:.1f} ms, a gradient {cost:.2f} glides", flush=True)
     curves, seconds = {}, []
     for name in SEARCHES:

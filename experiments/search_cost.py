@@ -11,6 +11,7 @@ count. `--size` is the number of glides of a search.
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -33,20 +34,27 @@ PENALTY, SIMPLEX = 3.0, 0.15
 FEASIBLE = 1e-3
 
 
-def price(problem: Problem, exact: Evaluator, fast: Evaluator) -> tuple[float, float]:
-    """Milliseconds of a glide, and cost of a gradient in glides; batches of 64."""
-    points = np.random.default_rng(99).uniform(problem.low, problem.high, (64, 3))
+def price(
+    problem: Problem,
+    exact: Evaluator,
+    fast: Evaluator,
+    count: int = 64,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[float, float]:
+    """Milliseconds of a glide, and cost of a gradient in glides; batches of `count`."""
+    size = count, len(problem.names)
+    points = np.random.default_rng(99).uniform(problem.low, problem.high, size)
     best = []
     for evaluate in (fast, exact):
         evaluate(points)
     for evaluate in (fast, exact):
         times = []
         for _ in range(3):
-            begin = time.perf_counter()
+            begin = clock()
             evaluate(points)
-            times.append(time.perf_counter() - begin)
+            times.append(clock() - begin)
         best.append(min(times))
-    return 1e3 * best[0] / 64, best[1] / best[0]
+    return 1e3 * best[0] / count, best[1] / best[0]
 
 
 def climb(values: np.ndarray) -> np.ndarray:

@@ -14,6 +14,8 @@ from .environment import Environment
 from .plant import INPUTS
 from .policy import AbstractPolicy
 
+_SAME = 1e-4  # by which share the rates of one model may differ from machine to machine
+
 
 class Controller(eqx.Module):
     """A policy, and the environment that it was made for.
@@ -155,7 +157,3 @@ def check_model(rate: np.ndarray, environment: Environment) -> None:
         raise ValueError(
             f"it is of another model: its flight begins otherwise, by {apart:.2g} of a rate"
         )
-
-
-_SAME = 1e-4
-"""By which share the rates of one model may differ from machine to machine."""

@@ -174,6 +174,7 @@ class Environment(eqx.Module):
             for one, (name, (low, high)) in zip(keys[1:], self.bounds.items(), strict=True)
         }
 
+    @eqx.filter_jit
     def reset(self, key) -> tuple[Situation, Sensed]:
         """A flight at its launch, drawn, and what is sensed there.
 
@@ -191,6 +192,7 @@ class Environment(eqx.Module):
         situation = Situation(plant, flying, none, plant.inputs, later)
         return self._sense(situation)
 
+    @eqx.filter_jit
     def step(self, situation: Situation, inputs: Float[Array, "6"]) -> Moved:
         """Fly on to the next sample.
 

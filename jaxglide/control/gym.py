@@ -14,8 +14,8 @@ import numpy as np
 
 from .._lib.checks import check_integer, check_kind
 from .environment import Environment
+from .plant import limits
 from .policy import observed
-from .regulator import limits
 
 
 class _Spaces:
@@ -25,7 +25,7 @@ class _Spaces:
         check_kind("environment", environment, Environment)
         check_integer("samples", samples, 1, 100_000)
         self.environment, self.samples = environment, samples
-        low, high = limits(environment.plant, environment.chosen)
+        low, high = limits(environment.plant.drive, environment.chosen)
         index = np.array(environment.chosen)
         self.middle, self.half = (low + high) / 2, (high - low) / 2
         count = len(index)

@@ -15,8 +15,9 @@ from .._lib.checks import as_array, check_integer, check_kind, check_range
 from .._lib.types import Array, Float
 from ..steady.reduced import scales
 from .environment import Environment
+from .plant import limits
 from .policy import AbstractPolicy, Sensed, observed
-from .regulator import SENSED, Regulator, limits
+from .regulator import SENSED, Regulator
 
 TURNS = (0.0, 2.0, 4.0, 8.0)
 """Cycles since launch at which gains stand, by default; the last ones hold from there on."""
@@ -162,7 +163,7 @@ class NeuralPolicy(AbstractPolicy):
             network,
             (jnp.zeros_like(last.weight), jnp.zeros_like(last.bias)),
         )
-        low, high = limits(environment.plant, environment.chosen)
+        low, high = limits(environment.plant.drive, environment.chosen)
         half = _half(environment)
         return cls(base, network, (low + high) / 2, half, low, high, environment.chosen)
 

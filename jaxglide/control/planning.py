@@ -119,7 +119,7 @@ def _within(H, g, low, high):
 
 
 def _backwards(wanted: PlanGoal, states, inputs, A, B, gaps, firm: float):
-    """Steps (N, c) and gains (N, c, n), and the gain that is expected of a whole step."""
+    """Steps (N, c) and gains (N, c, n)."""
     N, n, c = B.shape
     Vxx, Vx = 2 * wanted.P, 2 * wanted.P @ (states[-1] - wanted.states[-1])
     steps, gains = np.zeros((N, c)), np.zeros((N, c, n))

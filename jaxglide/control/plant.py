@@ -116,8 +116,8 @@ def actuated(
     return dataclasses.replace(glider, gait=Driven(Serpenoid(), drive))
 
 
-def linear_range(drive: Actuated, chosen: tuple[int, ...]) -> tuple[Array, Array]:
-    """Lowest and highest of some inputs, (c,) each, within which an actuator is linear."""
+def limits(drive: Actuated, chosen: tuple[int, ...]) -> tuple[Array, Array]:
+    """Lowest and highest that some inputs are told, (c,) each: there an actuator is linear."""
     assert drive.low is not None
     assert drive.high is not None
     index = np.array(chosen)

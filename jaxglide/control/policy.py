@@ -67,6 +67,11 @@ class Constant(AbstractPolicy):
         return self.inputs, memory
 
 
+def turned(angle):
+    """An angle the short way round [rad]."""
+    return jnp.mod(angle + jnp.pi, 2 * jnp.pi) - jnp.pi
+
+
 def sensed_state(sensed: Sensed, chosen: tuple[int, ...]) -> Float[Array, " n"]:
     """What is sensed as a controlled state: velocity in heading axes, angular velocity,
     pitch, roll, yaw, positions and rates of the chosen actuators and what they
@@ -80,7 +85,7 @@ def sensed_state(sensed: Sensed, chosen: tuple[int, ...]) -> Float[Array, " n"]:
 def deviation(sensed: Sensed, state, chosen: tuple[int, ...]) -> Float[Array, " n"]:
     """How far what is sensed is from a controlled state, the yaw the short way round."""
     apart = sensed_state(sensed, chosen) - state
-    return apart.at[8].set(jnp.mod(apart[8] + jnp.pi, 2 * jnp.pi) - jnp.pi)
+    return apart.at[8].set(turned(apart[8]))
 
 
 _TURNING = 0.1  # by which angular velocities and rates of actuators come to about one

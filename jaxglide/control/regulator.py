@@ -14,7 +14,7 @@ from ..steady import SteadyGlide, steady_glide
 from ..steady.reduced import scales
 from .environment import Environment
 from .planning import CLOSED, LaunchPlan, PlanGoal, plan_launch
-from .plant import Plant, linear_range
+from .plant import Plant, limits
 from .policy import AbstractPolicy, Sensed, deviation
 from .sampled import YAW, Linear, controlled_state, linearised, start_of
 
@@ -38,7 +38,7 @@ class Gains(NamedTuple):
     multipliers: np.ndarray
 
 
-def _lifted(linear: Linear, Q, R):
+def lifted(linear: Linear, Q, R):
     """One cycle as one step: x_N of x_0 and all inputs, and its cost as one square."""
     count, n, c = np.asarray(linear.B).shape
     A, B = np.asarray(linear.A), np.asarray(linear.B)
@@ -68,7 +68,7 @@ def riccati(linear: Linear, Q, R) -> Gains:
     """
     A, B = np.asarray(linear.A), np.asarray(linear.B)
     n = A.shape[1]
-    whole, told, cost = _lifted(linear, Q, R)
+    whole, told, cost = lifted(linear, Q, R)
     parts = cost[:n, :n], cost[n:, n:], cost[:n, n:]
     try:
         P0 = solve_discrete_are(whole, told, parts[0], parts[1], s=parts[2])
@@ -210,11 +210,6 @@ def weights(plant: Plant, chosen: tuple[int, ...], scales, price: float = 1.0):
     return Q, price * np.diag(1 / half**2)
 
 
-def limits(plant: Plant, chosen: tuple[int, ...]) -> tuple[Array, Array]:
-    """Lowest and highest that a law sets, (c,) each; see `linear_range`."""
-    return linear_range(plant.drive, chosen)
-
-
 DRIFT = 0.01
 """Share of its scale that a state drifts by in an interval, as an observer takes it."""
 _SURE = 1e-3  # rad or 1/s; no sense is taken to be better
@@ -231,7 +226,7 @@ def _planned(environment: Environment, gains: Gains, linear: Linear, turn, cost,
     samples = np.arange(cycles * count + 1)
     states = cycle[samples % count].copy()
     states[:, YAW] += float(turn) * (samples // count)
-    low, high = map(np.asarray, limits(plant, chosen))
+    low, high = map(np.asarray, limits(plant.drive, chosen))
     Q, R = cost
     wanted = PlanGoal(states, np.asarray(held), Q, R, gains.P, low, high)
     fade = np.exp(-samples / _FADES)[:, None]
@@ -317,7 +312,7 @@ def linear_quadratic(
         told,
         jump,
         plant.inputs,
-        *limits(plant, chosen),
+        *limits(plant.drive, chosen),
         turn,
         jnp.asarray(float(heading)),
         chosen,

@@ -22,6 +22,7 @@ import optax
 
 from .._lib.checks import check_integer, check_kind, check_range
 from .._lib.cores import in_threads
+from .._lib.fingerprint import fingerprint
 from .._lib.progress import progress_bar
 from .._lib.types import Array, Float, Integer, Scalar, State
 from .._lib.writing import alone, write_bytes
@@ -35,6 +36,7 @@ WINDOW = 16
 STEEP = 0.75
 """Pitch up to which a flight counts as upright [rad]."""
 _GROUP = 32  # flights of one computation, at most: more fit no core's cache
+_KEPT = 20  # updates between two that a log keeps
 _LOG = "jaxglide log of a training, 1"
 
 
@@ -343,7 +345,9 @@ def train_policy(
     none = jnp.full(updates, jnp.nan)
     courses = [begin(policy, environment, *group) for group in zip(keys, limits, strict=True)]
     run = _Run(learned, optimiser.init(learned), courses, none, none)
-    asked = _digest(policy, environment), updates, flights, window, samples, rate, seed
+    state = courses[0].flying.state[0]
+    judged = [None if judge is None else fingerprint(judge, state) for judge in (cost, value)]
+    asked = _digest(policy, environment), updates, flights, window, samples, rate, seed, judged
     told = fixed, environment, terms, optimiser
     with nullcontext() if log is None else alone(log):
         kept = _Log(log, _digest(asked))
@@ -356,9 +360,6 @@ def train_policy(
                     kept.keep(k + 1, run)
     found = eqx.combine(run.learned, fixed)
     return Trained(found, np.asarray(run.losses), np.asarray(run.landed))
-
-
-_KEPT = 20  # updates between two that a log keeps
 
 
 def _advanced(run: _Run, k: int, fixed, environment, terms, optimiser, first: bool) -> _Run:

@@ -8,8 +8,8 @@ import numpy as np
 
 from .._lib.checks import check_kind, check_range
 from .._lib.types import Array, Float, Scalar
-from .policy import AbstractPolicy, Sensed
-from .regulator import REACH, YAW, Linear, Regulator
+from .policy import AbstractPolicy, Sensed, turned
+from .regulator import REACH, YAW, Linear, Regulator, lifted
 
 PACE = 0.1
 """Largest turn in a cycle by default [rad]."""
@@ -17,11 +17,6 @@ SETTLE = 3.0
 """Cycles after launch in which no turn is begun by default."""
 _CYCLES = 2.0  # in which what is left of a turn is to be made
 _UNABLE = 1e-6  # rad a cycle by half the ranges of the inputs; less is no turn
-
-
-def turned(angle):
-    """An angle the short way round [rad]."""
-    return jnp.mod(angle + jnp.pi, 2 * jnp.pi) - jnp.pi
 
 
 def steady_turn(linear: Linear, half) -> tuple[np.ndarray, np.ndarray]:
@@ -37,10 +32,7 @@ def steady_turn(linear: Linear, half) -> tuple[np.ndarray, np.ndarray]:
     """
     A, B = np.asarray(linear.A), np.asarray(linear.B)
     count, n, c = B.shape
-    whole, told = np.eye(n), np.zeros((n, count * c))
-    for k in range(count):
-        whole, told = A[k] @ whole, A[k] @ told
-        told[:, k * c : (k + 1) * c] += B[k]
+    whole, told, _ = lifted(linear, np.zeros((n, n)), np.zeros((c, c)))
     own = np.delete(np.arange(n), YAW)
     start = np.zeros_like(told)
     start[own] = np.linalg.solve(np.eye(n - 1) - whole[np.ix_(own, own)], told[own])

@@ -10,7 +10,7 @@ import numpy as np
 from .._lib.checks import check_choice, check_integer, check_kind, check_range
 from .._lib.fields import parameters_of
 from .._lib.report import Report, Reported
-from ..control.plant import INPUTS, actuated, linear_range
+from ..control.plant import INPUTS, actuated, limits
 from ..flight.case import Case
 from ..flight.dynamics import Glider
 from ..flight.glide import simulate
@@ -91,7 +91,7 @@ class ProgramSpace(eqx.Module):
         """Of every value, by its name: within which an actuator is linear."""
         index = tuple(INPUTS.index(name) for name in self.inputs)
         drive: Any = self.case.glider.gait.drive  # type: ignore[attr-defined]
-        low, high = map(np.asarray, linear_range(drive, index))
+        low, high = map(np.asarray, limits(drive, index))
         ends = [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
         return dict(zip(self.names, ends * len(self.knots), strict=True))
 

@@ -14,15 +14,14 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import minimize
 
-from .._lib.types import Array, Float, Scalar
-from ..body.sections import discretise
+from .._lib.types import Array, Float
 from ..control.plant import INPUTS
 from ..flight.dynamics import ANGLES, PATH, RIGID
 from ..flight.ends import TURNS, AngleLimit, Ground, Outcome
 from ..flight.glide import Glide, checked
 from ..flight.integrate import integrate
-from ..flight.launch import started, take_off
-from ..steady import steady_glide
+from ..flight.launch import TakeOff, started
+from ..steady import SteadyGlide, steady_glide
 from .objective import Objective, Trial
 from .problem import Asked, judged
 
@@ -43,8 +42,8 @@ class Joined(NamedTuple):
         reason: a sentence.
         gap: largest miss of a piece, scaled; see `CLOSED`.
         evaluations: of the whole flight with all its derivatives.
-        times: at the starts of the pieces and the end [s], (M + 1,).
-        states: there, (M + 1, 12).
+        times: at the starts of the pieces [s], (M,).
+        states: there, the first twelve numbers of a state of flight, (M, 12).
     """
 
     reason: str
@@ -59,30 +58,27 @@ class Pieces(eqx.Module):
 
     Attributes:
         program: a `ProgramSpace`.
-        start: state at launch, (s,).
-        phase: launch phase [rad].
+        launched: what the launch comes to.
         moving: own states that are unknown at the pieces' starts: those of the inputs that
             are set (static).
         count: of pieces (static).
     """
 
     program: Any
-    start: Array
-    phase: Scalar
+    launched: TakeOff
     moving: tuple[int, ...] = eqx.field(static=True)
     count: int = eqx.field(static=True)
 
     @classmethod
-    def of(cls, program, count: int) -> "Pieces":
-        """A programme's flight in so many pieces."""
-        case, m = program.case, len(INPUTS)
-        begun = started(case.glider, case.launch)
+    def of(cls, program, begun: TakeOff, count: int) -> "Pieces":
+        """A programme's flight from a launch in so many pieces."""
+        m = len(INPUTS)
         chosen = [INPUTS.index(name) for name in program.inputs]
         moving = [*chosen, *(m + k for k in chosen)]
         moving += [2 * m] if "f_theta" in program.inputs else []
         if begun.state.shape[0] > RIGID + 2 * m + 1:
             raise ValueError("multiple shooting cannot fly air forces with states of their own")
-        return cls(program, begun.state, begun.phi_theta, tuple(moving), count)
+        return cls(program, begun, tuple(moving), count)
 
     @property
     def size(self) -> int:
@@ -90,9 +86,9 @@ class Pieces(eqx.Module):
         return 12 + len(self.moving)
 
     @property
-    def unit(self) -> np.ndarray:
-        """What they are measured in."""
-        return np.concatenate([_UNIT, np.ones(len(self.moving))])
+    def start(self) -> Array:
+        """State at launch, (s,)."""
+        return self.launched.state
 
     def full(self, u, time) -> Array:
         """A state of flight with scaled unknown ones, (s,), of a path that starts here."""
@@ -112,7 +108,7 @@ class Pieces(eqx.Module):
         ).glider
         t0, t1 = duration * k / self.count, duration * (k + 1) / self.count
         start = jnp.where(first, self.start, self.full(u, t0))
-        told = {"phase": self.phase, "rtol": _TOLERANCE, "atol": _TOLERANCE}
+        told = {"phase": self.launched.phi_theta, "rtol": _TOLERANCE, "atol": _TOLERANCE}
         state = integrate(glider, start, t0, t1, **told).state
         return jnp.append(self.unknown(state), state[PATH])
 
@@ -137,7 +133,6 @@ def _ends(pieces: Pieces, starts, duration, values):
 def _judged(pieces: Pieces, asked: Asked, ends, duration):
     """Objective and slacks (v,), and their slopes by ends and duration."""
     case = pieces.program.case
-    sections = discretise(case.glider.body)
 
     def values(ends, duration):
         last = pieces.full(ends[-1, :-1], duration).at[PATH].set(jnp.sum(ends[:, -1]))
@@ -156,7 +151,7 @@ def _judged(pieces: Pieces, asked: Asked, ends, duration):
             glider=case.glider,
             launch=launch,
             settings=settings,
-            take_off=take_off(case.glider, launch, sections),
+            take_off=pieces.launched,
             outcome=jnp.asarray(int(Outcome.LANDED)),
             time=duration,
             state=last,
@@ -214,17 +209,10 @@ class _Posed:
         return self.known
 
 
-def _guessed(pieces: Pieces, level: float) -> tuple[np.ndarray, float]:
-    """Scaled starts of the pieces but the first, and the duration: from the launch into the
-    steady glide, a place that no flight has been to."""
+def _guessed(pieces: Pieces, glide: SteadyGlide, duration: float) -> np.ndarray:
+    """Scaled starts of the pieces but the first: from the launch into the steady glide, a
+    place that no flight has been to."""
     launch = np.asarray(pieces.start)
-    glide = steady_glide(pieces.program.held, phase=float(pieces.phase))
-    if not bool(glide.found):
-        raise ValueError(
-            f"there is no steady glide to begin with ({glide.why}): "
-            "shooting = 'single' needs none"
-        )
-    duration = (float(launch[2]) - level) / float(glide.sink_rate) + _FADES
     times = duration * np.arange(1, pieces.count) / pieces.count
     cycle = np.asarray(glide.states)
     turned = np.mod(times / float(glide.period), 1.0) * len(cycle)
@@ -237,7 +225,7 @@ def _guessed(pieces: Pieces, level: float) -> tuple[np.ndarray, float]:
     states[:, :2] = launch[:2]
     states[:, 1] += float(glide.forward_speed) * gone
     states[:, 2] = launch[2] - float(glide.sink_rate) * gone
-    return np.array(jax.vmap(pieces.unknown)(jnp.asarray(states))), duration
+    return np.array(jax.vmap(pieces.unknown)(jnp.asarray(states)))
 
 
 def _bounds(pieces: Pieces, duration: float) -> list[tuple[float, float]]:
@@ -268,11 +256,18 @@ def shoot(program, objective: Objective, constraints, count: int | None, steps: 
     if not grounds:
         raise ValueError("ends hold no Ground: multiple shooting lands on one")
     level = float(grounds[0].level)
+    begun = started(program.case.glider, program.case.launch)
+    glide = steady_glide(program.held, phase=float(begun.phi_theta))
+    if not bool(glide.found):
+        raise ValueError(
+            f"there is no steady glide to begin with ({glide.why}): "
+            "shooting = 'single' needs none"
+        )
+    duration = (float(begun.state[2]) - level) / float(glide.sink_rate) + _FADES
     if count is None:
-        _, duration = _guessed(Pieces.of(program, 2), level)
         count = max(2, int(np.ceil(duration / _LONGEST)))
-    pieces = Pieces.of(program, count)
-    starts, duration = _guessed(pieces, level)
+    pieces = Pieces.of(program, begun, count)
+    starts = _guessed(pieces, glide, duration)
     guess = np.array(list(program.guesses(1, 0)[0].values()))
     posed = _Posed(pieces, Asked(objective.wanted, tuple(constraints), ()), level)
     rules: list[dict[str, Any]] = [

@@ -200,6 +200,28 @@ def test_a_batch_is_its_flights(seeing, regulator):
     np.testing.assert_allclose(many.ended.state[1], one.ended.state, rtol=0, atol=1e-9)
 
 
+def test_other_numbers_compile_nothing():
+    """Environments, launches and steps asked for one after the other, outside of `jit`."""
+    count = []
+
+    def heard(event, *_, **__):
+        count.append(event.endswith("backend_compile_duration"))
+
+    def flown(speed):
+        environment = Environment(Case(glider_of(), Launch(height=4.0, speed=speed)))
+        situation, _ = environment.reset(jax.random.key(0))
+        for _ in range(2):
+            situation = environment.step(situation, environment.plant.inputs).situation
+        return float(situation.flying.state[4])
+
+    jax.monitoring.register_event_duration_secs_listener(heard)
+    first = flown(1.7)
+    assert sum(count) > 0
+    count.clear()
+    assert flown(1.9) > first
+    assert sum(count) == 0
+
+
 def test_delay_and_noise_are_what_they_say():
     """Sensed angles scatter by the noise and are rounded; inputs arrive late."""
     case = Case(glider_of(), Launch(height=10.0))

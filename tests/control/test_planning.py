@@ -10,7 +10,8 @@ import pytest
 from jaxglide import Case, Gait, Glider, Launch, Polar, Snake, steady_glide
 from jaxglide.control import Constant, Environment, Senses, controlled_flight, linear_quadratic
 from jaxglide.control.planning import PlanGoal, plan_launch
-from jaxglide.control.regulator import limits, riccati, scales, weights
+from jaxglide.control.plant import limits
+from jaxglide.control.regulator import riccati, scales, weights
 from jaxglide.control.sampled import controlled_state, next_state
 
 RANGES = {"d_psi": (-20, 30), "d_theta": (-30, 30), "psi_m": (0, 45)}
@@ -49,7 +50,7 @@ def asked(environment, planned) -> tuple[Any, PlanGoal]:
     P = riccati(linear, *cost).P
     states = np.concatenate([linear.states, linear.states, linear.states[:1]])
     held = np.asarray(plant.inputs)[list(chosen)]
-    low, high = map(np.asarray, limits(plant, chosen))
+    low, high = map(np.asarray, limits(plant.drive, chosen))
     start = np.asarray(planned.linear.states[0])
     return start, PlanGoal(states, held, *cost, P, low, high)
 

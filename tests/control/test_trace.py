@@ -183,7 +183,7 @@ def made_regulator(environment, launch=0, chosen=(PSI, THETA), seen=True) -> Reg
     linear = Linear(*(jnp.asarray(rng.random((count, *shape))) for shape in shapes))
     L = jnp.asarray(rng.random((count, n, n - 3))) if seen else None
     K, told, jump = (jnp.asarray(rng.random(s)) for s in ((count, c, n), (count, c), (n,)))
-    low, high = limits(environment.plant, chosen)
+    low, high = limits(environment.plant.drive, chosen)
     own = environment.plant.inputs, low, high, jnp.asarray(0.1), jnp.asarray(0.2)
     return Regulator(linear, K, L, told, jump, *own, chosen, launch)
 

@@ -127,6 +127,8 @@ def test_training_goes_on_after_a_kill_as_if_nothing_had_been(
 
     with pytest.raises(ValueError, match="is the log of another training"):
         train_policy(policy, environment, **{**asked, "seed": 1})
+    with pytest.raises(ValueError, match="is the log of another training"):
+        train_policy(policy, environment, **asked, cost=lambda state: 2 * upright(state))
     log.write_bytes(log.read_bytes()[:-1] + b"x")
     with pytest.raises(ValueError, match="is damaged"):
         train_policy(policy, environment, **asked)

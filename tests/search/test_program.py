@@ -85,7 +85,7 @@ def test_what_is_asked_of_the_flight_is_kept(case):
     for found in (single, many):
         margin = float(stability_margin(found.glider, case.launch))
         assert margin > 69.5
-    target = 0.1, 2.6
+    target = 0.05, 2.2
     near = optimise_program(
         case, ("d_psi", "d_theta"), 4, objective=miss_distance(*target), shooting="multiple"
     )
@@ -130,8 +130,9 @@ def test_a_cycle_repeats_itself_smoothly():
     np.testing.assert_allclose(at, np.concatenate([inputs, inputs]), atol=1e-12)
     small = 1e-5
     ends = [law(jnp.asarray(0.8 + s), None) for s in (-small, 0.0, small)]  # type: ignore[arg-type]
-    before, after = ends[1] - ends[0], ends[2] - ends[1]
-    np.testing.assert_allclose(before, after, atol=1e-3 * small * np.abs(inputs).max() * 100)
+    before, after = (ends[1] - ends[0]) / small, (ends[2] - ends[1]) / small
+    assert np.abs(before).min() > 0.1
+    np.testing.assert_allclose(before, after, rtol=1e-2)
 
 
 def test_over_the_phase_knots_are_parts_of_a_cycle(case):

@@ -83,7 +83,13 @@ def riccati(linear: Linear, Q, R) -> Gains:
     for k in range(len(A)):
         closed = (A[k] - B[k] @ gains[k]) @ closed
     values = np.linalg.eigvals(closed)
-    return Gains(gains, P0, values[np.argsort(-np.abs(values))])
+    values = values[np.argsort(-np.abs(values))]
+    if not np.abs(values[0]) < 1:  # SciPy may find a solution that stabilises nothing
+        raise ValueError(
+            "the inputs cannot stabilise this glide: under the best gains an error is "
+            f"multiplied by {np.abs(values[0]):.3g} in a cycle"
+        )
+    return Gains(gains, P0, values)
 
 
 def _filtered(A, P, noise, drift):

@@ -303,6 +303,15 @@ def test_bad_input():
     assert Environment(Case(glider, Launch(), (Ground(), limit))).case.ends[1] is limit
 
 
+def test_a_glide_that_no_gain_stabilises_is_told(regulator):
+    """Two growing modes and inputs that reach neither: no law, and one sentence."""
+    linear = regulator.linear
+    deaf = linear._replace(B=jnp.zeros_like(linear.B))
+    Q, R = np.eye(linear.A.shape[1]), np.eye(linear.B.shape[2])
+    with pytest.raises(ValueError, match=r"cannot stabilise .* multiplied by \d"):
+        riccati(deaf, Q, R)
+
+
 def test_yaw_is_where_it_says(seeing):
     state = jnp.zeros(RIGID + 13).at[9].set(0.7)
     assert controlled_state(state, jnp.zeros(2), CHOSEN)[YAW] == 0.7

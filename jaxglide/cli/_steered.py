@@ -29,6 +29,7 @@ _SAMPLES = Parameter("", "samples in a cycle of the waves", low=1, high=64)
 _LAUNCH = Parameter("", "cycles over which the launch is planned; 0: none", low=0, high=20)
 _PRICE = Parameter("", "price of the inputs of lqr", low=0, high=1e6, low_open=True)
 _TOWARDS = Parameter("deg", "heading to fly at, positive to the left", low=-1e4, high=1e4)
+_PACE = Parameter("deg", "largest turn in a cycle, coordinated, of --towards", low=0, high=57)
 _MOST = Parameter("s", "longest flight", low=0, high=1e4, low_open=True)
 _SEED = Parameter("", "which flights", low=0, high=2**31 - 1)
 # by flag: field of `Senses`, what it is, and what the field is in that unit
@@ -38,7 +39,7 @@ _SENSES = {
     "resolution": Parameter("deg", "angles are rounded to it", low=0, high=57),
     "delay": Parameter("s", "between a sample and its command", low=0, high=1),
 }
-_DESIGN = ("inputs", "samples", "price", "launch_cycles", "towards", "to")
+_DESIGN = ("inputs", "samples", "price", "launch_cycles", "towards", "pace", "to")
 _BODY = ("node_set", "nodes", "body")
 
 
@@ -59,6 +60,7 @@ def add_law(parser, several: bool) -> None:
     add_number(group, "launch_cycles", _LAUNCH, 0, kind=whole)
     add_number(group, "price", _PRICE, 1.0)
     add_number(group, "towards", _TOWARDS, 0.0)
+    add_number(group, "pace", _PACE, told="none; of --to 5.7")
     text = "point to fly to, to the right of the launch and forward of it [m]; may be repeated"
     group.add_argument(
         "--to", action="append", default=[], type=_point, metavar="RIGHT,FORWARD", help=text
@@ -185,8 +187,11 @@ def law_of(args, law: str, environment):
     elif law == "lqr":
         heading, launch = math.radians(args.towards), args.launch_cycles
         policy = linear_quadratic(environment, price=args.price, heading=heading, launch=launch)
+        pace = {} if args.pace is None else {"pace": math.radians(args.pace)}
         if args.to:
-            policy = Waypoints(CoordinatedTurn(policy), args.to)
+            policy = Waypoints(CoordinatedTurn(policy, **pace), args.to)
+        elif pace:
+            policy = CoordinatedTurn(policy, **pace)
     else:
         policy = _opened(law).policy
         try:

@@ -120,7 +120,7 @@ def _fly(args) -> int:
         print_json(_plain(flight, controller))
     else:
         print(flight)
-        print(_said(flight))
+        print(_said(flight, controller.policy))
     return 0
 
 
@@ -152,11 +152,27 @@ def _write_flight(args, controller, flight) -> None:
         announce(args.view, args)
 
 
-def _said(flight) -> str:
-    """What its inputs did, in a line each."""
+def _passed(flight, policy) -> list[tuple[float, float, float]]:
+    """The points of a policy, and how near the flight came to each, seen from above [m]."""
+    import numpy as np
+
+    from ..control import target_of
+
+    points = target_of(policy).points
+    path = np.asarray(flight.at(flight.sample_times(2001)))[:, :2]
+    return [
+        (*point.tolist(), float(np.linalg.norm(path - point, axis=1).min()))
+        for point in (() if points is None else points)
+    ]
+
+
+def _said(flight, policy) -> str:
+    """How near it came to its points, and what its inputs did, in a line each."""
     from ..control import histories
 
     lines = []
+    for right, forward, distance in _passed(flight, policy):
+        lines.append(f"  {f'to {right:g},{forward:g}':<14} passed {distance:.2f} m from it")
     for one in histories(flight, flight.sample_times(401)):
         low, high = one.position.min(), one.position.max()
         unit = f" {one.unit}" if one.unit else ""
@@ -181,6 +197,10 @@ def _plain(flight, controller) -> dict[str, Any]:
         "landing_point": np.asarray(flight.landing_point).tolist(),
         "path_length": float(flight.path_length),
         "max_angles_deg": {name: float(value) for name, value in turns},
+        "points": [
+            {"right": right, "forward": forward, "distance": distance}
+            for right, forward, distance in _passed(flight, controller.policy)
+        ],
         "heading_deg": None if target.heading is None else math.degrees(target.heading),
         "inputs": {
             one.name: {

@@ -176,7 +176,10 @@ class _Planner:
         What is better costs less, gaps included, at a price that lets none of them grow.
         """
         given = here.A, here.B, here.gaps
-        steps, gains = _backwards(self.wanted, here.states, here.inputs, *given, firm)
+        try:
+            steps, gains = _backwards(self.wanted, here.states, here.inputs, *given, firm)
+        except np.linalg.LinAlgError:  # a guess that grows beyond what floats hold
+            return None, 0.0
         if here.missed > CLOSED:
             self.penalty = max(self.penalty, 1 + here.cost / here.missed)
         was, share = here.cost + self.penalty * here.missed, 1.0
@@ -205,6 +208,9 @@ def plan_launch(
         wanted: what to come near to.
         guess: states (N + 1, n), which need be no flight, and inputs (N, c).
         most: steps.
+
+    Raises:
+        ValueError: errors on the way grow too large for a feedback.
     """
     states, inputs = (np.array(part, float) for part in guess)
     states[0] = start
@@ -220,6 +226,12 @@ def plan_launch(
             break
     free = np.full_like(wanted.low, np.inf)
     wide, none = wanted._replace(low=-free, high=free), np.zeros_like(here.gaps)
-    K = -_backwards(wide, here.states, here.inputs, here.A, here.B, none, 0.0)[1]
+    try:
+        K = -_backwards(wide, here.states, here.inputs, here.A, here.B, none, 0.0)[1]
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            f"no feedback keeps to a launch planned over {len(inputs)} samples: an error on it "
+            "grows beyond what floats hold; plan fewer cycles"
+        ) from None
     gap = float(np.abs(here.gaps * planner.scale).max())
     return LaunchPlan(here.states, here.inputs, here.A, here.B, K, here.cost, gap, taken)

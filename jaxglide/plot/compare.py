@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..body.sections import discretise
 from ..flight.dynamics import ANGLES, POSITION
-from ..flight.ends import Outcome
+from ..flight.ends import TURNS, Outcome
 from ..flight.glide import Glide
 from ..shape.gait import Gait
 from ..shape.motion import AbstractMotion
@@ -20,7 +20,7 @@ from .glide import (
     _STOPPED,
     START_MARK,
     _path,
-    angle_limit,
+    angle_limits,
     bodies_at,
     check_drawable,
     end_mark,
@@ -71,8 +71,9 @@ def before_and_after(
     side.set_aspect("equal")
     side.set_xlabel(axis_label("y"))
     side.set_ylabel(axis_label("z"))
-    for ax, name in zip(turns, ("yaw", "pitch", "roll"), strict=True):
-        _bound(ax, min(map(angle_limit, glides)))
+    limits = np.min([angle_limits(glide) for glide in glides], axis=0)
+    for ax, name, limit in zip(turns, TURNS, limits, strict=True):
+        _bound(ax, limit)
         ax.set_ylabel(f"{name} (°)")
     turns[0].set_xlim(0.0, 1.02 * max(float(glide.time) for glide in glides))
     turns[-1].set_xlabel("time, t (s)")

@@ -10,7 +10,7 @@ from matplotlib.ticker import MultipleLocator
 from .._lib.checks import check_integer, check_range
 from ..body.sections import discretise, surface_nodes
 from ..flight.dynamics import ANGLES, POSITION, VELOCITY
-from ..flight.ends import AngleLimit, Ground, Outcome
+from ..flight.ends import TURNS, AngleLimit, Ground, Outcome
 from ..flight.glide import Glide
 from ..flight.trajectory import AbstractTrajectory, reconstruct
 from ._labels import axis_label
@@ -205,10 +205,14 @@ def _spread(values: Sequence[float], gap: float) -> np.ndarray:
     return placed[np.argsort(order)]
 
 
-def angle_limit(glide: AbstractTrajectory) -> float:
-    """The least limit of the angles that would have ended a glide [deg], or infinity."""
-    limits = [float(e.limit) for e in glide.settings.ends if isinstance(e, AngleLimit)]
-    return float(np.rad2deg(min(limits, default=np.inf)))
+def angle_limits(glide: AbstractTrajectory) -> np.ndarray:
+    """Limits of yaw, pitch and roll that would have ended a glide [deg], or infinity, (3,)."""
+    least = np.full(len(TURNS), np.inf)
+    for end in glide.settings.ends:
+        if isinstance(end, AngleLimit):
+            limited = np.isin(TURNS, end.angles)
+            least[limited] = np.minimum(least[limited], float(end.limit))
+    return np.rad2deg(least)
 
 
 def ground_of(glide: AbstractTrajectory) -> float | None:
@@ -217,15 +221,14 @@ def ground_of(glide: AbstractTrajectory) -> float | None:
     return max(grounds, default=None)
 
 
-def _draw_limits(ax: Axes, first: float, degrees: np.ndarray, limit: float) -> list[float]:
-    """Draw the limit of the angles on each side that a curve comes near, named at the first
-    time; those drawn [deg]."""
+def _draw_limits(ax: Axes, first: float, degrees: np.ndarray, limits) -> list[float]:
+    """Draw the least limit (3,) on each side that a curve with one comes near, named at the
+    first time; those drawn [deg]."""
     drawn = []
-    if not np.isfinite(limit):
-        return drawn
-    for sign, most in ((1, degrees.max()), (-1, -degrees.min())):
-        if most > _NEAR_LIMIT:
-            drawn.append(sign * limit)
+    for sign in (1, -1):
+        near = np.isfinite(limits) & ((sign * degrees).max(axis=0) > _NEAR_LIMIT)
+        if near.any():
+            drawn.append(sign * limits[near].min())
             ax.axhline(drawn[-1], color=INK, lw=0.7, ls=(0, (4, 2)), label="limit")
             ax.annotate(
                 f"limit {drawn[-1]:+.0f}°".replace("-", "\N{MINUS SIGN}"),
@@ -257,7 +260,7 @@ def angles(glide: AbstractTrajectory, ax: Axes | None = None) -> Axes:
     times, states = _path(glide)
     degrees = np.rad2deg(states[:, ANGLES])
     ax.axhline(0.0, color="0.85", lw=0.6, zorder=0)
-    limits = _draw_limits(ax, times[0], degrees, angle_limit(glide))
+    limits = _draw_limits(ax, times[0], degrees, angle_limits(glide))
     curves = dict(zip(("yaw", "pitch", "roll"), degrees.T, strict=True))
     low, high = _curves(ax, glide, times, curves, [0.0, *limits], 20.0)
     step = next(step for step in (5, 10, 20, 30) if high - low < 6 * step or step == 30)

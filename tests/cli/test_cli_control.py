@@ -114,15 +114,38 @@ def test_options_reach_the_library(capsys, asked):
 
 
 def test_points_are_flown_to_by_place_whatever_the_yaw(capsys, asked, monkeypatch):
-    monkeypatch.setattr("jaxglide.control.CoordinatedTurn", lambda regulator: regulator)
+    turns = []
+
+    def coordinated(regulator, **told):
+        turns.append(told)
+        return regulator
+
+    monkeypatch.setattr("jaxglide.control.CoordinatedTurn", coordinated)
     monkeypatch.setattr("jaxglide.control.Waypoints", lambda *given: asked.update(given=given))
     run(capsys, "control", "fly", "--to", "-20,50", "--to", "0,90", *SMALL)
     regulator, points = asked["given"]
     assert isinstance(regulator, Constant)
     assert points == [(-20, 50), (0, 90)]
+    for where in (("--towards", "40"), ("--to", "0,90")):
+        run(capsys, "control", "fly", *where, "--pace", "11.5", *SMALL)
+    assert turns == [{}, *[{"pace": pytest.approx(np.deg2rad(11.5))}] * 2]
     environment = asked["environment"]
     assert environment.senses.place
     assert environment.case.ends[1].angles == ("pitch", "roll")
+
+
+@pytest.mark.slow
+def test_a_flight_to_points_tells_how_near_it_passed(capsys):
+    gait = "--theta-m=82", "--psi-m=12.6", "--nu-theta=1.12", "--f-theta=1.58", "--d-psi=7.2"
+    points = "--to=-20,50", "--to", "0,90", "--pace", "11.5", "--see-velocity"
+    told = "--nodes", "40", "--height", "75", *gait, *points
+    code, out, err = run(capsys, "control", "fly", "--json", *told)
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["outcome"] == "landed"
+    first, second = found["points"]
+    assert (first["right"], first["forward"]) == (-20, 50)
+    assert max(first["distance"], second["distance"]) < 2
 
 
 def test_what_is_given_beside_a_file_changes_its_case(capsys, asked, files):
@@ -242,6 +265,7 @@ def test_a_law_is_trained_kept_and_told(capsys, monkeypatch, tmp_path, files):
         (["fly", "--inputs", "tail"], "inputs = 'tail'"),
         (["fly", "--delay", "0.2"], r"delay = 0\.2 s is not allowed"),
         (["fly", "--angle-noise", "100"], "--angle-noise = 100 deg is not allowed"),
+        (["fly", "--pace", "60"], r"--pace = 60 deg is not allowed: .* 57"),
         (["fly", "--price", "0"], "--price = 0 is not allowed"),
         (["fly", "--keep", "law.txt"], r"--keep law\.txt: the name must end in \.nc"),
         (["fly", "--save", "a.nc", "--keep", "a.nc"], "both name a.nc"),

@@ -141,6 +141,16 @@ def test_a_launch_the_glides_feedback_loses_is_flown_by_plan():
     assert np.asarray(many.landed).sum() >= 7
 
 
+def test_gains_that_cannot_be_computed_are_told(environment, asked):
+    """Where the cost decides nothing no step can be taken, and no feedback holds."""
+    start, wanted = asked
+    free = wanted._replace(Q=0 * wanted.Q, R=0 * wanted.R, P=0 * wanted.P)
+    guess = wanted.states, np.tile(wanted.inputs, (len(wanted.states) - 1, 1))
+    chosen = environment.chosen
+    with pytest.raises(ValueError, match="over 16 samples: an error on it grows beyond"):
+        plan_launch(start, environment.plant, chosen, free, guess)
+
+
 def test_bad_input(environment, glide):
     with pytest.raises(ValueError, match="launch = 21"):
         linear_quadratic(environment, glide, launch=21)

@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection, QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from jaxglide import Gait, Glider, Launch, Outcome, Snake, plot, simulate
+from jaxglide import AngleLimit, Gait, Glider, Ground, Launch, Outcome, Snake, plot, simulate
 from jaxglide.tunnel.trim import Trim
 
 NODES = 20
@@ -237,6 +237,15 @@ def test_limit_is_drawn_where_an_angle_comes_near_it(landed, unstable):
     sign = np.sign(end[np.abs(end).argmax()])
     assert drawn(ax, "limit")[:, 1] == pytest.approx(85.0 * sign)
     assert f"{85 * sign:+.0f}°".replace("-", "\N{MINUS SIGN}") in ax.texts[0].get_text()
+
+
+def test_an_angle_without_a_limit_draws_none():
+    """A flight that may turn: its yaw comes near where pitch and roll would end it."""
+    glide, upright = fly(height=1e-6, angles=(-70, 0, 0)), AngleLimit(angles=("pitch", "roll"))
+    free = eqx.tree_at(lambda g: g.settings.ends, glide, (Ground(), upright))
+    ax = plot.angles(free)
+    assert drawn(ax, "yaw")[:, 1] == pytest.approx(-70, abs=1)
+    assert not [line for line in ax.lines if line.get_label() == "limit"]
 
 
 def test_limit_is_in_view_and_small_angles_are_not_blown_up(landed):

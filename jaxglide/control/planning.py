@@ -1,4 +1,5 @@
-"""The launch planned ahead: from the launch to the steady glide, within the inputs' limits.
+"""The launch planned ahead: from the launch to the steady glide, within the inputs' limits;
+or a whole flight that another is to keep to.
 
 The linear-quadratic problem of `regulator` along the real flight: differential dynamic
 programming with first derivatives of the flight (iterative LQR), from a guess that need not be
@@ -28,8 +29,8 @@ class PlanGoal(NamedTuple):
     """What a plan is to come near to, and what that is worth.
 
     Attributes:
-        states: of the steady glide, (N + 1, n).
-        inputs: of it, (c,).
+        states: of the steady glide, or of another flight, (N + 1, n).
+        inputs: of it, (N, c).
         Q, R, P: weights of state, inputs and of the last state, (n, n), (c, c), (n, n).
         low, high: limits of the inputs, (c,).
     """
@@ -126,7 +127,7 @@ def _backwards(wanted: PlanGoal, states, inputs, A, B, gaps, firm: float):
     for k in range(N - 1, -1, -1):
         ahead = Vx + Vxx @ gaps[k]
         Qx = 2 * wanted.Q @ (states[k] - wanted.states[k]) + A[k].T @ ahead
-        Qu = 2 * wanted.R @ (inputs[k] - wanted.inputs) + B[k].T @ ahead
+        Qu = 2 * wanted.R @ (inputs[k] - wanted.inputs[k]) + B[k].T @ ahead
         Qxx = 2 * wanted.Q + A[k].T @ Vxx @ A[k]
         Quu = 2 * (1 + firm) * wanted.R + B[k].T @ Vxx @ B[k]
         Qux = B[k].T @ Vxx @ A[k]

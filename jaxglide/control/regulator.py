@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
 
-from .._lib.checks import check_integer, check_range
+from .._lib.checks import check_integer, check_kind, check_range
 from .._lib.types import Array, Float
 from ..flight.launch import started
 from ..steady import SteadyGlide, steady_glide
@@ -16,7 +16,7 @@ from .environment import Environment
 from .planning import CLOSED, LaunchPlan, PlanGoal, plan_launch
 from .plant import Plant, limits
 from .policy import AbstractPolicy, Sensed, deviation
-from .sampled import YAW, Linear, controlled_state, linearised, start_of
+from .sampled import YAW, Linear, Path, controlled_state, linearised, start_of
 
 REACH = 0.15
 """From how far the yaw is called back [rad]; beyond, a turn goes on no faster."""
@@ -167,10 +167,10 @@ class Regulator(AbstractPolicy):
         return jnp.zeros_like(self.linear.states[0])
 
     def place(self, sample):
-        """Row of a sample, and cycles flown at the glide."""
+        """Row of a sample, and cycles since launch by which the glide there has turned."""
         later, count = sample - self.launch, self.K.shape[0] - self.launch
         row = jnp.where(later < 0, sample, self.launch + later % count)
-        return row, jnp.maximum(later, 0) // count
+        return row, jnp.where(later < 0, 0, sample // count)
 
     def estimate(self, memory, sensed: Sensed) -> Float[Array, " n"]:
         """How far it is from plan or glide, by what is sensed and was estimated, (n,)."""
@@ -222,28 +222,51 @@ _SURE = 1e-3  # rad or 1/s; no sense is taken to be better
 _FADES = 8.0  # samples over which the first guess of a plan comes to the glide
 
 
-def _planned(environment: Environment, gains: Gains, linear: Linear, turn, cost, cycles):
-    """The launch planned over so many cycles, to the glide that the gains are of."""
+def _planned(
+    environment: Environment, gains: Gains, linear: Linear, turn, cost, samples: int, along
+):
+    """So many samples from the launch planned, along a flight or to the glide that the gains
+    are of; and how far from the glide that ends."""
     plant, chosen, case = environment.plant, environment.chosen, environment.case
     begun = started(case.glider, case.launch)
     held = plant.inputs[np.array(chosen)]
     start = np.asarray(controlled_state(plant.launched(begun.state).state, held, chosen))
     cycle, count = np.asarray(linear.states), len(linear.states)
-    samples = np.arange(cycles * count + 1)
-    states = cycle[samples % count].copy()
-    states[:, YAW] += float(turn) * (samples // count)
+    numbers = np.arange(samples + 1)
+    states = cycle[numbers % count].copy()
+    states[:, YAW] += float(turn) * (numbers // count)
+    last = states[-1]
+    if along is None:
+        fade = np.exp(-numbers / _FADES)[:, None]
+        inputs = np.tile(np.asarray(held), (samples, 1))
+        guess = states + fade * (start - states[0]), inputs
+    else:
+        guess = states, inputs = tuple(map(np.asarray, along))
     low, high = map(np.asarray, limits(plant.drive, chosen))
     Q, R = cost
-    wanted = PlanGoal(states, np.asarray(held), Q, R, gains.P, low, high)
-    fade = np.exp(-samples / _FADES)[:, None]
-    guess = states + fade * (start - states[0]), np.tile(wanted.inputs, (len(samples) - 1, 1))
-    plan = plan_launch(start, plant, chosen, wanted, guess)
+    goal = PlanGoal(states, inputs, Q, R, gains.P, low, high)
+    plan = plan_launch(start, plant, chosen, goal, guess)
     if not plan.gap < CLOSED:
+        where = "to the glide" if along is None else "along the one given"
         raise ValueError(
-            f"no flight from this launch to the glide was found in {plan.iterations} steps: "
+            f"no flight from this launch {where} was found in {plan.iterations} steps: "
             f"{plan.gap:.2g} of a scale is missed"
         )
-    return plan, plan.states[-1] - states[-1]
+    return plan, plan.states[-1] - last
+
+
+def _checked_path(along: Path, samples: int, shape: tuple[int, ...]) -> int:
+    """Samples of a path; `shape` is (n, c)."""
+    check_kind("along", along, Path)
+    count = len(along.inputs)
+    n, c = shape
+    check_range("along.states", along.states, "", shape=(count + 1, n))
+    check_range("along.inputs", along.inputs, "", shape=(count, c))
+    if not count or count % samples:
+        raise ValueError(
+            f"along has {count} samples: it must be whole cycles of {samples} samples"
+        )
+    return count
 
 
 def _observer(environment: Environment, linear: Linear, plan: LaunchPlan | None, unit):
@@ -267,6 +290,7 @@ def linear_quadratic(
     price: float = 1.0,
     heading: float = 0.0,
     launch: int = 0,
+    along: Path | None = None,
 ) -> Regulator:
     """The linear-quadratic regulator of an environment about the steady glide of its gait.
 
@@ -282,8 +306,11 @@ def linear_quadratic(
         heading: yaw to fly at [rad].
         launch: cycles over which the launch of the environment's case is planned, 0 to 20;
             with 0 the feedback about the glide acts from the start.
+        along: a flight to keep to instead, as `ProgramOptimum.path` gives it; after it the
+            glide.
 
     Raises:
+        TypeError: `along` is no path.
         ValueError: there is no steady glide, the inputs cannot stabilise it, no flight leads
             to it, or a number is out of range.
     """
@@ -302,17 +329,22 @@ def linear_quadratic(
     gains = riccati(linear, *cost)
     turn = jnp.asarray(glide.turn_rate * glide.period)
     held = jnp.broadcast_to(plant.inputs[np.array(chosen)], (samples, len(chosen)))
-    told, K, jump, plan, along = held, gains.K, jnp.zeros_like(linear.states[0]), None, linear
-    if launch:
-        plan, missed = _planned(environment, gains, linear, turn, cost, launch)
+    told, K, jump, plan, whole = held, gains.K, jnp.zeros_like(linear.states[0]), None, linear
+    planned = launch * samples
+    if along is not None:
+        if launch:
+            raise ValueError("launch and along exclude each other: along plans the launch too")
+        planned = _checked_path(along, samples, linear.B.shape[1:])
+    if planned:
+        plan, missed = _planned(environment, gains, linear, turn, cost, planned, along)
         told, K = jnp.concatenate([plan.inputs, held]), np.concatenate([plan.K, gains.K])
         parts = zip((plan.states[:-1], plan.A, plan.B), linear, strict=True)
-        along, jump = Linear(*map(jnp.concatenate, parts)), jnp.asarray(missed)
+        whole, jump = Linear(*map(jnp.concatenate, parts)), jnp.asarray(missed)
     L = None
     if not environment.senses.velocity:
         L = jnp.asarray(_observer(environment, linear, plan, unit))
     return Regulator(
-        along,
+        whole,
         jnp.asarray(K),
         L,
         told,
@@ -322,5 +354,5 @@ def linear_quadratic(
         turn,
         jnp.asarray(float(heading)),
         chosen,
-        launch * samples,
+        planned,
     )

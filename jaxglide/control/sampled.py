@@ -84,6 +84,18 @@ class Linear(NamedTuple):
     B: Float[Array, "N n c"]
 
 
+class Path(NamedTuple):
+    """A flight at the samples.
+
+    Attributes:
+        states: controlled states, (M + 1, n).
+        inputs: the chosen ones, told there, (M, c).
+    """
+
+    states: Float[Array, "M+1 n"]
+    inputs: Float[Array, "M c"]
+
+
 @eqx.filter_jit
 def linearised(start, plant: Plant, chosen: tuple[int, ...], samples: int) -> Linear:
     """Along the flight from a controlled state (n,), the chosen inputs held; exact."""

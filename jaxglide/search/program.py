@@ -5,22 +5,28 @@ from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from .._lib.checks import check_choice, check_integer, check_kind, check_range
 from .._lib.fields import parameters_of
 from .._lib.report import Report, Reported
+from ..control.environment import Environment
 from ..control.plant import INPUTS, actuated, limits
+from ..control.sampled import Path, controlled_state
 from ..flight.case import Case
 from ..flight.dynamics import Glider
 from ..flight.glide import simulate
+from ..flight.integrate import integrate
 from ..shape.drives import Planned, Programme, Repeated
 from ..shape.gait import Gait
+from ..steady import steady_glide
 from .objective import Constraint, Objective
 from .objectives import landing_distance
 from .optimum import optimise
 from .problem import Problem
-from .shooting import shoot
+from .shooting import Joined, lasting, level_of, shoot
 
 _LAW = "gait.drive.law"
 _TABLE = {"time": f"{_LAW}.programme.inputs", "phase": f"{_LAW}.inputs"}
@@ -71,7 +77,7 @@ class ProgramSpace(eqx.Module):
             law: Any = Repeated([gait] * knots, gait.f_theta)
         else:
             if until is None:
-                until = float(simulate(case.glider, case.launch, ends=case.ends).time)
+                until = _lasts(case)
             check_range("until", until, "s", 0, 1e3, low_open=True, shape=())
             places = tuple(np.linspace(0.0, float(until), knots).tolist())
             law = Planned(Programme(places, [gait] * knots))
@@ -112,6 +118,17 @@ class ProgramSpace(eqx.Module):
         return found
 
 
+def _lasts(case: Case) -> float:
+    """How long a programme is by default [s]: as a glide without one that lands, or else about
+    as one that has become steady."""
+    alone, level = simulate(case.glider, case.launch, ends=case.ends), level_of(case)
+    if not bool(alone.stable) and level is not None:
+        glide = steady_glide(case.glider, phase=float(alone.take_off.phi_theta))
+        if bool(glide.found):
+            return lasting(alone.take_off, glide, level)
+    return float(alone.time)
+
+
 @dataclass(frozen=True)
 class ProgramOptimum(Reported):
     """A programme that flies well.
@@ -135,6 +152,55 @@ class ProgramOptimum(Reported):
     value: float
     objective: Objective
     optimum: Any
+
+    def path(self, environment: Environment) -> Path:
+        """The flight at an environment's samples, for a feedback that keeps to it.
+
+        `linear_quadratic(environment, along=found.path(environment))` flies it so. It goes on
+        beyond the landing to the end of a cycle.
+
+        Args:
+            environment: of the same case and inputs.
+
+        Raises:
+            TypeError: it is no environment.
+            ValueError: it sets other inputs.
+        """
+        check_kind("environment", environment, Environment)
+        own = tuple(INPUTS.index(name) for name in self.inputs)
+        if environment.chosen != own:
+            sets = ", ".join(INPUTS[k] for k in environment.chosen)
+            raise ValueError(
+                f"environment sets {sets}: the programme is of {', '.join(self.inputs)}"
+            )
+        plant, launch = environment.plant, environment.case.launch
+        joined = self.optimum if isinstance(self.optimum, Joined) else None
+        if joined is None:
+            glide = simulate(self.glider, launch, ends=environment.case.ends)
+            duration, starts = float(glide.time), [(0.0, glide.take_off.state)]
+        else:
+            duration = joined.duration
+            starts = list(zip(joined.times, joined.states, strict=True))
+        interval, gait = float(plant.interval), environment.held.gait
+        cycle = round(1 / (interval * float(gait.f_theta)))  # type: ignore[attr-defined]
+        count = cycle * int(np.ceil(duration / interval / cycle))
+        times = interval * np.arange(count + 1)
+        ends = [time for time, _ in starts[1:]] + [float(times[-1])]
+        phase, states = float(plant.flight.phase), []
+        for (t0, state), t1 in zip(starts, ends, strict=True):
+            piece = integrate(
+                self.glider, state, float(t0), float(t1), phase=phase, save="dense"
+            )
+            last = t1 == times[-1]
+            inside = (times >= t0) & ((times <= t1) if last else (times < t1))
+            states.append(np.asarray(piece.at(np.clip(times, t0, t1)))[inside])
+        drive: Any = self.glider.gait.drive  # type: ignore[attr-defined]
+        middles = jnp.asarray(times[:-1] + interval / 2)
+        wanted = jax.vmap(lambda time: drive.law(time, None))(middles)[:, np.array(own)]
+        told = jnp.clip(wanted, *limits(drive, own))
+        before = jnp.concatenate([plant.inputs[None, np.array(own)], told])
+        controlled = jax.vmap(lambda state, told: controlled_state(state, told, own))
+        return Path(controlled(jnp.asarray(np.concatenate(states)), before), told)
 
     def report(self) -> Report:
         units = [parameters_of(Gait)[name].unit for name in self.inputs]
@@ -172,8 +238,8 @@ def optimise_program(
     parameters; with many of them the gradient goes backwards. Multiple shooting: the flight in
     pieces that an optimiser joins, one start, from the launch into the steady glide; for long
     flights, whose derivatives grow beyond use. Such a programme is a flight, but a small
-    error grows on it too: fly it under feedback. Limits of range and rate are those of the
-    actuators, which never pass them.
+    error grows on it too: fly it under feedback (see `ProgramOptimum.path`). Limits of range
+    and rate are those of the actuators, which never pass them.
 
     Args:
         case: glider with a `Gait`, launch and ends.
@@ -182,7 +248,7 @@ def optimise_program(
         objective: what is wanted (see `Objective.sense`).
         constraints: inequalities to meet, as `stability_margin.at_least(10)`.
         until: time of the last knot [s]; by default the duration of the glide without a
-            programme.
+            programme, or about that of a steady one where it does not land.
         over: "time" since launch, or "phase": the knots of one cycle, repeated.
         actuators: further arguments of `actuated`: natural_frequency, damping, ranges, rates.
         shooting: "single" or "multiple".

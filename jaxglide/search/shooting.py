@@ -3,7 +3,8 @@
 Unknown are the values at a programme's knots, the duration, and the states at the starts of all
 pieces but the first. Every piece must end where the next one starts and the last on the
 ground: through a flight that grows errors a hundredfold a second, no derivative then goes
-farther than a piece. SLSQP of SciPy solves it.
+farther than a piece. SLSQP of SciPy solves it by coarse flights; least-norm Newton steps then
+close the gaps in fine ones.
 """
 
 from typing import Any, NamedTuple
@@ -14,8 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import minimize
 
-from .._lib.types import Array, Float
+from .._lib.cores import in_threads
+from .._lib.types import Array, Float, Scalar
 from ..control.plant import INPUTS
+from ..flight.case import Case
 from ..flight.dynamics import ANGLES, PATH, RIGID
 from ..flight.ends import TURNS, AngleLimit, Ground, Outcome
 from ..flight.glide import Glide, checked
@@ -29,7 +32,10 @@ CLOSED = 1e-6
 """Largest gap, scaled, of a flight whose pieces have met."""
 _UNIT = np.repeat([10.0, 5.0, 5.0, 1.0], 3)  # m, m/s, rad/s, rad: what a state is measured in
 _LONGEST = 0.4  # s, of a piece, where nothing else is said
-_TOLERANCE = 1e-9  # of the pieces' flights
+_COARSE, _FINE = 1e-7, 1e-9  # tolerances of the pieces' flights, on the way and in the end
+_CLOSINGS = 30  # most steps that close the gaps which are left
+_SHORTEST = 0.5**8  # part of such a step that is tried
+_GROUP = 4  # pieces of one computation
 _BRIEFEST, _TALLEST = 0.3, 3.0  # times the guessed duration
 _FADES = 0.8  # s, over which a guess comes to the steady glide
 _INSIDE = 0.98  # of the limits of the angles
@@ -42,13 +48,15 @@ class Joined(NamedTuple):
         reason: a sentence.
         gap: largest miss of a piece, scaled; see `CLOSED`.
         evaluations: of the whole flight with all its derivatives.
+        duration: of the flight [s].
         times: at the starts of the pieces [s], (M,).
-        states: there, the first twelve numbers of a state of flight, (M, 12).
+        states: there, (M, s), the path flown in each piece beginning anew.
     """
 
     reason: str
     gap: float
     evaluations: int
+    duration: float
     times: np.ndarray
     states: np.ndarray
 
@@ -59,6 +67,7 @@ class Pieces(eqx.Module):
     Attributes:
         program: a `ProgramSpace`.
         launched: what the launch comes to.
+        tolerance: of their flights.
         moving: own states that are unknown at the pieces' starts: those of the inputs that
             are set (static).
         count: of pieces (static).
@@ -66,6 +75,7 @@ class Pieces(eqx.Module):
 
     program: Any
     launched: TakeOff
+    tolerance: Scalar
     moving: tuple[int, ...] = eqx.field(static=True)
     count: int = eqx.field(static=True)
 
@@ -78,7 +88,7 @@ class Pieces(eqx.Module):
         moving += [2 * m] if "f_theta" in program.inputs else []
         if begun.state.shape[0] > RIGID + 2 * m + 1:
             raise ValueError("multiple shooting cannot fly air forces with states of their own")
-        return cls(program, begun, tuple(moving), count)
+        return cls(program, begun, jnp.asarray(_COARSE), tuple(moving), count)
 
     @property
     def size(self) -> int:
@@ -108,14 +118,15 @@ class Pieces(eqx.Module):
         ).glider
         t0, t1 = duration * k / self.count, duration * (k + 1) / self.count
         start = jnp.where(first, self.start, self.full(u, t0))
-        told = {"phase": self.launched.phi_theta, "rtol": _TOLERANCE, "atol": _TOLERANCE}
+        told: dict[str, Any] = dict.fromkeys(("rtol", "atol"), self.tolerance)
+        told |= {"phase": self.launched.phi_theta}
         state = integrate(glider, start, t0, t1, **told).state
         return jnp.append(self.unknown(state), state[PATH])
 
 
 @eqx.filter_jit
-def _ends(pieces: Pieces, starts, duration, values):
-    """Ends of all pieces (M, u + 1), and their slopes by start, duration and values."""
+def _some_ends(pieces: Pieces, starts, numbers, duration, values):
+    """Ends of some pieces, and their slopes by start, duration and values."""
 
     def one(u, k):
         def to(u, duration, values):
@@ -124,9 +135,25 @@ def _ends(pieces: Pieces, starts, duration, values):
 
         return jax.jacfwd(to, (0, 1, 2), has_aux=True)(u, duration, values)
 
-    numbers = jnp.arange(pieces.count, dtype=float)
     (by_u, by_duration, by_values), ends = jax.vmap(one)(starts, numbers)
     return ends, by_u, by_duration, by_values
+
+
+def _ends(pieces: Pieces, starts, duration, values) -> list[np.ndarray]:
+    """Ends of all pieces (M, u + 1), and their slopes by start, duration and values."""
+    numbers = np.arange(pieces.count)
+    parts = [numbers[k : k + _GROUP] for k in range(0, pieces.count, _GROUP)]
+    parts = [np.resize(part, _GROUP) for part in parts]  # of one length: one compilation
+    told = jnp.asarray(duration), jnp.asarray(values)
+
+    def some(part):
+        return _some_ends(pieces, jnp.asarray(starts[part]), jnp.asarray(part, float), *told)
+
+    found = in_threads(some, parts)
+    return [
+        np.concatenate([np.asarray(x) for x in every])[: pieces.count]
+        for every in zip(*found, strict=True)
+    ]
 
 
 @eqx.filter_jit
@@ -176,6 +203,11 @@ class _Posed:
         self.free, self.key, self.known = (pieces.count - 1) * pieces.size, None, None
         self.evaluations = 0
 
+    def to(self, tolerance: float) -> None:
+        """From now on pieces fly to this tolerance."""
+        self.pieces = eqx.tree_at(lambda p: p.tolerance, self.pieces, jnp.asarray(tolerance))
+        self.key = None
+
     def split(self, z):
         """Starts (M, u), duration, values."""
         size = self.pieces.size
@@ -188,8 +220,7 @@ class _Posed:
         if self.key is not None and np.array_equal(z, self.key):
             return self.known
         starts, duration, values = self.split(z)
-        found = _ends(self.pieces, starts, jnp.asarray(duration), jnp.asarray(values))
-        ends, by_u, by_t, by_v = map(np.asarray, found)
+        ends, by_u, by_t, by_v = _ends(self.pieces, starts, duration, values)
         count, size = self.pieces.count, self.pieces.size
         slopes = np.zeros((count, size + 1, len(z)))  # of all ends
         for k in range(1, count):
@@ -207,6 +238,17 @@ class _Posed:
         self.evaluations += 1
         self.key, self.known = z.copy(), (worth, gaps, rates, joined)
         return self.known
+
+
+def level_of(case: Case) -> float | None:
+    """Height of the ground that a case lands on [m]; None where there is none."""
+    grounds = [float(end.level) for end in case.ends if isinstance(end, Ground)]
+    return max(grounds, default=None)
+
+
+def lasting(begun: TakeOff, glide: SteadyGlide, level: float) -> float:
+    """About how long a flight lasts from a launch into a steady glide, to a level [s]."""
+    return (float(begun.state[2]) - level) / float(glide.sink_rate) + _FADES
 
 
 def _guessed(pieces: Pieces, glide: SteadyGlide, duration: float) -> np.ndarray:
@@ -239,6 +281,39 @@ def _bounds(pieces: Pieces, duration: float) -> list[tuple[float, float]]:
     return state * (pieces.count - 1) + [time, *pieces.program.bounds.values()]
 
 
+def _step(gaps, slopes, low, high):
+    """The smallest step (z,) within bounds that closes gaps to first order."""
+    free, step = np.ones(len(low), bool), np.zeros(len(low))
+    while free.any():
+        left = -gaps - slopes[:, ~free] @ step[~free]
+        step[free] = np.linalg.lstsq(slopes[:, free], left, rcond=None)[0]
+        beyond = free & ((step < low) | (step > high))
+        if not beyond.any():
+            break
+        step[beyond] = np.clip(step, low, high)[beyond]
+        free &= ~beyond
+    return step
+
+
+def _closed(posed: _Posed, z, low, high) -> np.ndarray:
+    """A place (z,) near one, within bounds, where the pieces meet in fine flights, if steps
+    that close their gaps lead to one."""
+    posed.to(_FINE)
+    for _ in range(_CLOSINGS):
+        _, gaps, _, slopes = posed.at(z)
+        most, share = np.abs(gaps).max(), 1.0
+        step = _step(gaps, slopes, low - z, high - z)
+        if most < CLOSED:  # what is left is mostly the flights' own error
+            better = z + step
+            return better if np.abs(posed.at(better)[1]).max() < most else z
+        while np.abs(posed.at(z + share * step)[1]).max() > (1 - share / 10) * most:
+            share /= 2
+            if share < _SHORTEST:
+                return z
+        z = z + share * step
+    return z
+
+
 def shoot(program, objective: Objective, constraints, count: int | None, steps: int):
     """Make a programme fly well in pieces.
 
@@ -252,10 +327,9 @@ def shoot(program, objective: Objective, constraints, count: int | None, steps: 
     Returns:
         Values by name, the objective's value, and a `Joined`.
     """
-    grounds = [end for end in program.case.ends if isinstance(end, Ground)]
-    if not grounds:
+    level = level_of(program.case)
+    if level is None:
         raise ValueError("ends hold no Ground: multiple shooting lands on one")
-    level = float(grounds[0].level)
     begun = started(program.case.glider, program.case.launch)
     glide = steady_glide(program.held, phase=float(begun.phi_theta))
     if not bool(glide.found):
@@ -263,7 +337,7 @@ def shoot(program, objective: Objective, constraints, count: int | None, steps: 
             f"there is no steady glide to begin with ({glide.why}): "
             "shooting = 'single' needs none"
         )
-    duration = (float(begun.state[2]) - level) / float(glide.sink_rate) + _FADES
+    duration = lasting(begun, glide, level)
     if count is None:
         count = max(2, int(np.ceil(duration / _LONGEST)))
     pieces = Pieces.of(program, begun, count)
@@ -281,22 +355,25 @@ def shoot(program, objective: Objective, constraints, count: int | None, steps: 
                 "jac": lambda z: posed.at(z)[2][1:],
             }
         )
+    bounds = _bounds(pieces, duration)
     found = minimize(
         lambda z: -posed.at(z)[0][0],
-        np.concatenate([starts.ravel(), [duration], guess]),
+        np.append(starts, [duration, *guess]),
         jac=lambda z: -posed.at(z)[2][0],
-        bounds=_bounds(pieces, duration),
+        bounds=bounds,
         constraints=rules,
         method="SLSQP",
         options={"maxiter": steps, "ftol": 1e-7},
     )
-    worth, gaps, *_ = posed.at(found.x)
-    starts, duration, values = posed.split(found.x)
-    states = starts[:, :12] * _UNIT
+    z = _closed(posed, found.x, *np.array(bounds).T)
+    worth, gaps, *_ = posed.at(z)
+    starts, duration, values = posed.split(z)
     times = duration * np.arange(count) / count
+    states = np.array(jax.vmap(pieces.full)(jnp.asarray(starts), jnp.asarray(times)))
+    states[0] = np.asarray(pieces.start)
     gap = float(np.abs(gaps).max())
     reason = f"SLSQP: {found.message.lower()} after {found.nit} steps"
     reason += "" if gap < CLOSED else f"; the pieces have not met, {gap:.1e} is missed"
-    joined = Joined(reason, gap, posed.evaluations, times, states)
+    joined = Joined(reason, gap, posed.evaluations, float(duration), times, states)
     best = dict(zip(program.names, values.tolist(), strict=True))
     return best, float(worth[0]), joined

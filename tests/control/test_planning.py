@@ -49,7 +49,7 @@ def asked(environment, planned) -> tuple[Any, PlanGoal]:
     cost = weights(plant, chosen, scales(environment.held, plant.flight.sections))
     P = riccati(linear, *cost).P
     states = np.concatenate([linear.states, linear.states, linear.states[:1]])
-    held = np.asarray(plant.inputs)[list(chosen)]
+    held = np.tile(np.asarray(plant.inputs)[list(chosen)], (len(states) - 1, 1))
     low, high = map(np.asarray, limits(plant.drive, chosen))
     start = np.asarray(planned.linear.states[0])
     return start, PlanGoal(states, held, *cost, P, low, high)
@@ -83,6 +83,12 @@ def test_the_plan_is_the_flight_from_the_launch(environment, planned):
     np.testing.assert_allclose(states[M], reached, atol=1e-9)
 
 
+def test_after_the_plan_the_glide_has_turned_as_if_from_the_launch(planned):
+    """Rows repeat after the plan; cycles are counted from the launch, as its goal counted."""
+    places = [tuple(map(int, planned.place(sample))) for sample in (0, 15, 16, 23, 24)]
+    assert places == [(0, 0), (15, 0), (16, 2), (23, 2), (16, 3)]
+
+
 def test_no_other_inputs_are_cheaper(environment, planned, asked):
     start, wanted = asked
     told = np.asarray(planned.told[: planned.launch])
@@ -93,7 +99,7 @@ def test_no_other_inputs_are_cheaper(environment, planned, asked):
             change = size * rng.normal(size=told.shape)
             other = np.clip(told + change, wanted.low, wanted.high)
             assert wanted.cost(flown(environment, start, other), other) > least
-    alone = np.tile(wanted.inputs, (len(told), 1))
+    alone = wanted.inputs
     assert least < 0.7 * wanted.cost(flown(environment, start, alone), alone)
 
 
@@ -104,8 +110,9 @@ def test_limits_hold_and_bind(environment, planned, asked):
     assert (told >= wanted.low).all()
     assert (told <= wanted.high).all()
     half = 0.3 * np.abs(told - wanted.inputs).max(axis=0)
-    narrow = wanted._replace(low=wanted.inputs - half, high=wanted.inputs + half)
-    guess = wanted.states, np.tile(wanted.inputs, (len(told), 1))
+    held = wanted.inputs[0]
+    narrow = wanted._replace(low=held - half, high=held + half)
+    guess = wanted.states, wanted.inputs
     plan = plan_launch(start, environment.plant, environment.chosen, narrow, guess)
     assert plan.gap < 1e-9
     assert (np.abs(plan.inputs - narrow.inputs) <= half).all()
@@ -145,7 +152,7 @@ def test_gains_that_cannot_be_computed_are_told(environment, asked):
     """Where the cost decides nothing no step can be taken, and no feedback holds."""
     start, wanted = asked
     free = wanted._replace(Q=0 * wanted.Q, R=0 * wanted.R, P=0 * wanted.P)
-    guess = wanted.states, np.tile(wanted.inputs, (len(wanted.states) - 1, 1))
+    guess = wanted.states, wanted.inputs
     chosen = environment.chosen
     with pytest.raises(ValueError, match="over 16 samples: an error on it grows beyond"):
         plan_launch(start, environment.plant, chosen, free, guess)

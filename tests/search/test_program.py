@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from jaxglide import (
     AngleLimit,
     Case,
+    Environment,
     Evaluator,
     Gait,
     Glider,
@@ -17,18 +19,22 @@ from jaxglide import (
     Polar,
     Problem,
     Repeated,
+    Senses,
     Snake,
     Trial,
+    controlled_flight,
     heading_change,
     height_lost,
     landing_distance,
     landing_speed,
+    linear_quadratic,
     miss_distance,
     optimise_program,
     simulate,
     stability_margin,
 )
 from jaxglide.control.plant import INPUTS
+from jaxglide.control.sampled import Path, controlled_state
 from jaxglide.search.program import ProgramSpace
 from jaxglide.search.shooting import CLOSED
 
@@ -63,7 +69,34 @@ def test_pieces_that_have_met_are_a_flight(case, alone, shot):
     there = simulate(
         shot.glider, case.launch, rtol=1e-10, atol=1e-10, max_time=shot.optimum.times[1]
     )
-    np.testing.assert_allclose(there.state[:12], held, rtol=0, atol=1e-5)
+    there = there.state.at[12].set(0.0)  # the path: a piece's begins anew
+    np.testing.assert_allclose(there, held, rtol=0, atol=1e-5)
+
+
+def test_a_programme_is_flown_under_feedback(case, shot):
+    """The path is the flight at the samples, and the law that keeps to it lands there."""
+    environment = Environment(case, shot.inputs, senses=Senses(velocity=True))
+    path = shot.path(environment)
+    assert path.inputs.shape == (8, 1)  # 0.6 s in whole cycles of 0.83 s
+    interval = float(environment.plant.interval)
+    whole = simulate(shot.glider, case.launch, rtol=1e-9, atol=1e-9, dense=True)
+    for k in (0, 3, 5):  # the first in the first of three pieces, the others in later ones
+        told = path.inputs[k - 1] if k else environment.plant.inputs[jnp.array([D_PSI])]
+        there = controlled_state(whole.at([k * interval])[0], told, environment.chosen)
+        np.testing.assert_allclose(path.states[k], there, atol=1e-4)
+    law = linear_quadratic(environment, along=path)
+    assert law.launch == 8
+    held = controlled_flight(environment, law, jax.random.key(0), 12)
+    assert held.landed
+    np.testing.assert_allclose(held.ended.state[1], shot.value, atol=5e-3)
+    with pytest.raises(ValueError, match="launch and along exclude each other"):
+        linear_quadratic(environment, launch=2, along=path)
+    with pytest.raises(ValueError, match=r"along has 7 samples: .* whole cycles of 8"):
+        linear_quadratic(environment, along=Path(path.states[:8], path.inputs[:7]))
+    with pytest.raises(TypeError, match="along"):
+        linear_quadratic(environment, along=path.states)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="sets d_psi, d_theta: the programme is of d_psi"):
+        shot.path(Environment(case))
 
 
 @pytest.mark.slow

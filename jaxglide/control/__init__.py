@@ -7,6 +7,7 @@ from .laws import GainScheduled, NeuralPolicy
 from .plant import Held, Plant, actuated
 from .policy import AbstractPolicy, Constant, Sensed
 from .regulator import Regulator, linear_quadratic
+from .sampled import SampledPath
 from .trace import History, Target, histories, retrace, target_of
 from .training import Trained, train_policy
 from .turning import CoordinatedTurn
@@ -27,6 +28,7 @@ __all__ = [
     "NeuralPolicy",
     "Plant",
     "Regulator",
+    "SampledPath",
     "Sensed",
     "Senses",
     "Situation",

@@ -16,7 +16,7 @@ from .environment import Environment
 from .planning import CLOSED, LaunchPlan, PlanGoal, plan_launch
 from .plant import Plant, limits
 from .policy import AbstractPolicy, Sensed, deviation
-from .sampled import YAW, Linear, Path, controlled_state, linearised, start_of
+from .sampled import YAW, Linear, SampledPath, controlled_state, linearised, start_of
 
 REACH = 0.15
 """From how far the yaw is called back [rad]; beyond, a turn goes on no faster."""
@@ -255,9 +255,9 @@ def _planned(
     return plan, plan.states[-1] - last
 
 
-def _checked_path(along: Path, samples: int, shape: tuple[int, ...]) -> int:
+def _checked_path(along: SampledPath, samples: int, shape: tuple[int, ...]) -> int:
     """Samples of a path; `shape` is (n, c)."""
-    check_kind("along", along, Path)
+    check_kind("along", along, SampledPath)
     count = len(along.inputs)
     n, c = shape
     check_range("along.states", along.states, "", shape=(count + 1, n))
@@ -290,7 +290,7 @@ def linear_quadratic(
     price: float = 1.0,
     heading: float = 0.0,
     launch: int = 0,
-    along: Path | None = None,
+    along: SampledPath | None = None,
 ) -> Regulator:
     """The linear-quadratic regulator of an environment about the steady glide of its gait.
 

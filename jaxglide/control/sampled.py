@@ -84,7 +84,7 @@ class Linear(NamedTuple):
     B: Float[Array, "N n c"]
 
 
-class Path(NamedTuple):
+class SampledPath(NamedTuple):
     """A flight at the samples.
 
     Attributes:

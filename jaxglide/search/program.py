@@ -14,7 +14,7 @@ from .._lib.fields import parameters_of
 from .._lib.report import Report, Reported
 from ..control.environment import Environment
 from ..control.plant import INPUTS, actuated, limits
-from ..control.sampled import Path, controlled_state
+from ..control.sampled import SampledPath, controlled_state
 from ..flight.case import Case
 from ..flight.dynamics import Glider
 from ..flight.glide import simulate
@@ -153,7 +153,7 @@ class ProgramOptimum(Reported):
     objective: Objective
     optimum: Any
 
-    def path(self, environment: Environment) -> Path:
+    def path(self, environment: Environment) -> SampledPath:
         """The flight at an environment's samples, for a feedback that keeps to it.
 
         `linear_quadratic(environment, along=found.path(environment))` flies it so. It goes on
@@ -200,7 +200,7 @@ class ProgramOptimum(Reported):
         told = jnp.clip(wanted, *limits(drive, own))
         before = jnp.concatenate([plant.inputs[None, np.array(own)], told])
         controlled = jax.vmap(lambda state, told: controlled_state(state, told, own))
-        return Path(controlled(jnp.asarray(np.concatenate(states)), before), told)
+        return SampledPath(controlled(jnp.asarray(np.concatenate(states)), before), told)
 
     def report(self) -> Report:
         units = [parameters_of(Gait)[name].unit for name in self.inputs]

@@ -34,7 +34,7 @@ from jaxglide import (
     stability_margin,
 )
 from jaxglide.control.plant import INPUTS
-from jaxglide.control.sampled import Path, controlled_state
+from jaxglide.control.sampled import SampledPath, controlled_state
 from jaxglide.search.program import ProgramSpace
 from jaxglide.search.shooting import CLOSED
 
@@ -92,7 +92,7 @@ def test_a_programme_is_flown_under_feedback(case, shot):
     with pytest.raises(ValueError, match="launch and along exclude each other"):
         linear_quadratic(environment, launch=2, along=path)
     with pytest.raises(ValueError, match=r"along has 7 samples: .* whole cycles of 8"):
-        linear_quadratic(environment, along=Path(path.states[:8], path.inputs[:7]))
+        linear_quadratic(environment, along=SampledPath(path.states[:8], path.inputs[:7]))
     with pytest.raises(TypeError, match="along"):
         linear_quadratic(environment, along=path.states)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="sets d_psi, d_theta: the programme is of d_psi"):

@@ -8,8 +8,9 @@ gain-scheduled one and a small network. Each flies `--size` (1,000) flights as t
 fifth of that under conditions that were not trained on. The same seed draws the same flights
 for all. With `--resume` a killed training goes on where it was.
 
-Then what the window does: the gain-scheduled law trained anew through windows and through whole
-flights, as many samples of flight in all and as large a sum of rates.
+Then what the window does: the gain-scheduled law trained anew through windows, without and with
+a terminal value, and through whole flights, as many samples of flight in all and as large a sum
+of rates.
 """
 
 import time
@@ -43,6 +44,7 @@ from jaxglide import (
     linear_quadratic,
     train_policy,
 )
+from jaxglide.control.training import upright
 from jaxglide.plot import style
 
 BODY = Snake.from_svl(0.70, nodes=40, node_set="gauss")
@@ -53,7 +55,8 @@ TRAINING = {"updates": 80, "flights": 32, "window": 16}
 RATES = {"gain-scheduled": 3e-4, "network": 3e-4}
 BUDGET = 20_480  # samples of flight that a training through other windows flies: half
 TRAVEL = 0.012  # updates times rate in each of these
-WINDOWS = (16, 80)
+WINDOWS = (16, 0), (16, 16), (80, 0)
+"""Samples in a window, and how many samples the cost of its last state stands for."""
 
 
 class Wall(eqx.Module):
@@ -69,6 +72,19 @@ class Wall(eqx.Module):
 
     def __call__(self, time, state):
         return jnp.maximum(state[2] - self.height, jnp.abs(state[1] - self.ahead) - 1.0)
+
+
+class Staying(eqx.Module):
+    """A terminal value: the cost of a state, as if it stayed for so many samples.
+
+    Args:
+        samples: how many (static).
+    """
+
+    samples: int = eqx.field(static=True)
+
+    def __call__(self, state):
+        return self.samples * upright(state)
 
 
 def environment(
@@ -134,14 +150,15 @@ def trained(options, name: str, law, random: Environment, **told):
 def windows(options, law: GainScheduled, flights: Environment, count: int) -> list[tuple]:
     """Trainings through other windows, as many samples of flight in all."""
     rows = []
-    for window in WINDOWS:
+    for window, beyond in WINDOWS:
         updates = BUDGET // (TRAINING["flights"] * window)
         told = {"window": window, "samples": 80, "updates": updates, "rate": TRAVEL / updates}
-        found = trained(
-            options, f"window {window}", law, flights, flights=TRAINING["flights"], **told
-        )
+        told |= {"flights": TRAINING["flights"]}
+        if beyond:
+            told |= {"value": Staying(beyond)}
+        found = trained(options, f"window {window} {beyond}", law, flights, **told)
         ends = evaluate_policy(flights, found.policy, count, seed=JUDGED)
-        rows.append((window, updates, 100 * float(ends.landed.mean())))
+        rows.append((window, beyond, updates, 100 * float(ends.landed.mean())))
     return rows
 
 
@@ -202,7 +219,7 @@ def main() -> None:
         rows.append((name, float(down.mean()), float(found.time.where(found.landed).mean())))
     header = ("law", "distance of those that land (m)", "their time (s)")
     write_table(options.out / "trained_laws", header, rows)
-    header = ("window", "updates", "landed (%)")
+    header = ("window", "the last state counts for", "updates", "landed (%)")
     others = windows(options, starts["gain-scheduled"], flights, max(count // 5, 32))
     write_table(options.out / "trained_windows", header, others)
     with style():

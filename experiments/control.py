@@ -21,7 +21,18 @@ import numpy as np
 from common import arguments, save_figure, write_table
 from matplotlib.figure import Figure
 
-from jaxglide import Case, Gait, Glider, Launch, Outcome, Polar, Snake, simulate, steady_glide
+from jaxglide import (
+    Case,
+    Gait,
+    Glider,
+    Launch,
+    Outcome,
+    Polar,
+    Snake,
+    SteadyGlide,
+    simulate,
+    steady_glide,
+)
 from jaxglide.air import Gust
 from jaxglide.control import (
     Environment,
@@ -105,6 +116,13 @@ class Held(NamedTuple):
     again: tuple[float, float]
 
 
+def ahead(glide: SteadyGlide) -> float:
+    """Mean velocity of a glide along its heading [m/s]: some go backwards."""
+    states = np.asarray(glide.states)
+    yaw = states[:, 9]
+    return float(np.mean(states[:, 4] * np.cos(yaw) - states[:, 3] * np.sin(yaw)))
+
+
 def upright_glides(shape, phase: float) -> list[tuple]:
     """Upright steady glides forward of a shape, those first which grow least in a cycle:
     reference, glider, glide."""
@@ -114,7 +132,7 @@ def upright_glides(shape, phase: float) -> list[tuple]:
         glide = steady_glide(glider, phase=phase)
         pitch, roll = np.asarray(glide.state)[6:8]
         upright = abs(pitch) < STEEPEST and abs(roll) < LEANING
-        if bool(glide.found) and upright and float(glide.forward_speed) > 0:
+        if bool(glide.found) and upright and ahead(glide) > 0:
             found.append((reference, glider, glide))
     return sorted(found, key=lambda one: float(one[2].spectral_radius))[:GLIDES]
 

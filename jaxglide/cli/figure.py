@@ -30,6 +30,7 @@ _FIGURES = {
     "turning": "turning.py",
     "train-control": "train_control.py",
     "control": "control.py",
+    "long-programme": "long_programme.py",
     "program-cost": "program_cost.py",
     "validation": "validation.py",
 }

@@ -433,7 +433,7 @@ def test_robustness(run):
 @slow
 @for_hours
 def test_control(run):
-    found = run("jaxglide figure control --size 40")
+    found = run("jaxglide figure control")
     for record, row in zip(
         found["control_totals"], table(PAGE, "the law is told"), strict=True
     ):
@@ -441,6 +441,20 @@ def test_control(run):
         assert row[0] == values[0]
         for text, value in zip(row[1:], values[1:], strict=True):
             agree(text, value, share=SEARCHES)
+
+
+@slow
+@for_hours
+def test_long_programme(run):
+    """A search that has not ended: another machine's ends a little elsewhere."""
+    found = run("jaxglide figure long-programme")["long_programme"]
+    rows = table(PAGE, "flight")
+    assert [row[0] for row in rows] == [record["flight"] for record in found]
+    for row, record in zip(rows, found, strict=True):
+        assert row[3] == record["how it ended"]
+        if record["how it ended"] in ("joined", "landed"):
+            agree(row[1], record["forward (m)"], share=0.1)
+    assert found[0]["largest gap"] < 1e-6
 
 
 @slow

@@ -308,7 +308,7 @@ def test_a_glide_that_no_gain_stabilises_is_told(regulator):
     linear = regulator.linear
     deaf = linear._replace(B=jnp.zeros_like(linear.B))
     Q, R = np.eye(linear.A.shape[1]), np.eye(linear.B.shape[2])
-    with pytest.raises(ValueError, match=r"cannot stabilise .* multiplied by \d"):
+    with pytest.raises(ValueError, match="the inputs cannot stabilise this glide"):
         riccati(deaf, Q, R)
 
 

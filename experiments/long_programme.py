@@ -1,7 +1,7 @@
 """A programme for a whole flight from 75 m, by multiple shooting, flown blindly and held.
 
 The default gait with d_psi 5 degrees (smooth polar, 40 Gauss nodes) tumbles from 75 m. Forty
-knots of d_psi and d_theta, with 30 degrees of margin to the limits of the angles, are made to
+knots of d_psi and d_theta, with 45 degrees of margin to the limits of the angles, are made to
 fly as far as they can. The programme flies by itself at tolerances of 1e-9 and 1e-11, and under
 the feedback that keeps to it: the whole state sensed, and attitude and rates alone; beside it
 the regulator about the steady glide. `--size` is the number of steps of the search (60).
@@ -34,7 +34,7 @@ from jaxglide import (
 from jaxglide.plot import style
 
 INPUTS = "d_psi", "d_theta"
-KNOTS, STEPS, MARGIN, SAMPLES = 40, 60, 30.0, 150
+KNOTS, STEPS, MARGIN, SAMPLES = 40, 60, 45.0, 150
 
 
 def main() -> None:

@@ -159,10 +159,11 @@ def _passed(flight, policy) -> list[tuple[float, float, float]]:
     from ..control import target_of
 
     points = target_of(policy).points
+    if points is None:
+        return []
     path = np.asarray(flight.at(flight.sample_times(2001)))[:, :2]
     return [
-        (*point.tolist(), float(np.linalg.norm(path - point, axis=1).min()))
-        for point in (() if points is None else points)
+        (*point.tolist(), float(np.linalg.norm(path - point, axis=1).min())) for point in points
     ]
 
 

@@ -88,7 +88,7 @@ def test_every_script_and_picture_is_there():
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
     assert scripts - {"__init__.py"} == shown
     pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE)
-    assert len(pictures) == 30
+    assert len(pictures) == 31
     for path in pictures:
         assert (FINDINGS / path).exists(), path
 
@@ -447,14 +447,18 @@ def test_control(run):
 @for_hours
 def test_long_programme(run):
     """A search that has not ended: another machine's ends a little elsewhere."""
-    found = run("jaxglide figure long-programme")["long_programme"]
-    rows = table(PAGE, "flight")
+    told = run("jaxglide figure long-programme")
+    found, rows = told["long_programme"], table(PAGE, "flight")
     assert [row[0] for row in rows] == [record["flight"] for record in found]
     for row, record in zip(rows, found, strict=True):
         assert row[3] == record["how it ended"]
         if record["how it ended"] in ("joined", "landed"):
             agree(row[1], record["forward (m)"], share=0.1)
     assert found[0]["largest gap"] < 1e-6
+    short = table(PAGE, "16 flights from 10 m")
+    for row, record in zip(short, told["short_programme"], strict=True):
+        for text, value in zip(row[1:], list(record.values())[1:], strict=True):
+            agree(text, value, share=SEARCHES)
 
 
 @slow

@@ -35,8 +35,10 @@ from jaxglide import (
 )
 from jaxglide.control.plant import INPUTS
 from jaxglide.control.sampled import SampledPath, controlled_state
+from jaxglide.search.pieces import Pieces
+from jaxglide.search.problem import Asked
 from jaxglide.search.program import ProgramSpace
-from jaxglide.search.shooting import CLOSED
+from jaxglide.search.shooting import CLOSED, _Posed
 
 D_PSI = INPUTS.index("d_psi")
 
@@ -71,6 +73,29 @@ def test_pieces_that_have_met_are_a_flight(case, alone, shot):
     )
     there = there.state.at[12].set(0.0)  # the path: a piece's begins anew
     np.testing.assert_allclose(there, held, rtol=0, atol=1e-5)
+
+
+def test_a_place_is_told_with_its_largest_angles_and_all_slopes(case, shot):
+    """Angles on the way are those of the whole flight, not those where pieces meet; slopes of
+    the objective, the gaps and what is left to the limits are differences."""
+    flown = simulate(shot.glider, case.launch, rtol=1e-10, atol=1e-10)
+    program = ProgramSpace.of(case, ("d_psi",), 3, float(shot.knots[-1]), "time", None)
+    pieces = Pieces.of(program, flown.take_off, 3)
+    posed = _Posed(pieces, Asked(landing_distance, (), ()), 0.0)
+    posed.to(1e-11)
+    states = jnp.asarray(shot.optimum.states)
+    starts = np.asarray(jax.vmap(pieces.unknown)(states))[1:].ravel()
+    z = np.concatenate([starts, [shot.optimum.duration], np.deg2rad(shot.values.ravel())])
+    here, limit = posed.at(z), 0.98 * np.deg2rad(85.0)
+    most = limit - here.left.reshape(3, 3).min(axis=0)
+    np.testing.assert_allclose(most, flown.max_angles, atol=1e-5)
+    assert (most > 1.01 * np.abs(states[:, 9:12]).max(axis=0)).any()
+    way, small = np.random.default_rng(0).normal(size=len(z)), 1e-5
+    ends = [posed.at(z + sign * small * way) for sign in (1, -1)]
+    for name, slopes in (("worth", "rates"), ("gaps", "joined"), ("left", "closer")):
+        above, below = (getattr(end, name) for end in ends)
+        slope = getattr(here, slopes) @ way
+        np.testing.assert_allclose(slope, (above - below) / (2 * small), rtol=1e-4, atol=1e-4)
 
 
 def test_a_programme_is_flown_under_feedback(case, shot):

@@ -34,7 +34,7 @@ def main() -> None:
     options = arguments(__doc__)
     data = flights()
     fitter = Fitter(data)
-    found = fitter.fit(starts=8)
+    found = fitter.fit()
     print(found, flush=True)
     best = fitter.start(tuple(found.scales.values()))
     drawn = fitter.resample(options.size or 100, start=best)
@@ -43,7 +43,7 @@ def main() -> None:
     header = ("animal", "flights", *SCALES, "predicted (m)", "unfitted (m)")
     write_table(options.out / "fit_animals", header, [list(row.values()) for row in animals])
     corrected = Fitter(data, UNCERTAINTY)
-    gaits = corrected.fit(starts=2)
+    gaits = corrected.fit()
     print(gaits, flush=True)
     rows = [
         row_of("published forces", (1.0, 1.0), found.misfit_before),

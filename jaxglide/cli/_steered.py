@@ -39,7 +39,7 @@ _SENSES = {
     "resolution": Parameter("deg", "angles are rounded to it", low=0, high=57),
     "delay": Parameter("s", "between a sample and its command", low=0, high=1),
 }
-_DESIGN = ("inputs", "samples", "price", "launch_cycles", "towards", "pace", "to")
+_DESIGN = ("price", "launch_cycles", "towards", "pace", "to")
 _BODY = ("node_set", "nodes", "body")
 
 
@@ -145,6 +145,8 @@ def environment_of(args, laws: list[str]):
     from ..control.controller import arguments_of
 
     files = [law for law in laws if _is_file(law)]
+    if "lqr" not in laws:
+        refuse(args, _DESIGN, f"it designs lqr, and what flies is {', '.join(laws)}")
     if not files:
         names = [name.strip() for name in args.inputs.split(",")]
         given = {"samples": args.samples} if "samples" in args.given else {}
@@ -154,8 +156,7 @@ def environment_of(args, laws: list[str]):
             upright = Ground(), AngleLimit(angles=("pitch", "roll"))
             case = case if "end" in args.given else dataclasses.replace(case, ends=upright)
         return Environment(case, names, vary=_vary(args), senses=senses, **given)
-    own = _DESIGN if len(files) == len(laws) else ("inputs", "samples")
-    refuse(args, (*own, *_BODY), f"{files[0]} decides it")
+    refuse(args, ("inputs", "samples", *_BODY), f"{files[0]} decides it")
     known = arguments_of(_opened(files[0]).environment)
     known["case"] = _changed(args, known["case"])
     known["senses"] = _senses(args, known["senses"])

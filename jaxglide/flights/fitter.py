@@ -1,32 +1,38 @@
 """Force multipliers that bring simulated flights closest to measured ones.
 
-Least squares over the measured window of all flights at once, by exact gradients
-(Levenberg-Marquardt of Optimistix); see `misfit`. Fits of several starts, or of several
-choices of animals, run at the same time on all cores.
+Least squares over the measured window of all flights at once, by exact gradients (the trust
+regions of SciPy's `least_squares`); see `misfit`. On all cores: fits of several starts, or of
+several choices of animals, run at the same time, or else the flights of each.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
+import scipy.optimize
 import xarray as xr
 
 from .._lib.checks import check_integer, check_range
 from .._lib.report import Report, Reported
 from .._lib.units import labelled
-from ..ensemble.batch import on_workers
+from ..ensemble.batch import on_workers, workers
 from ..ensemble.records import stamp
 from .flights import check_flights, measured_of
-from .misfit import SCALES, FitData, FitPlan, sensitivities, solve
+from .misfit import SCALES, FitData, FitPlan, distances, sensitivities
 
 CORRECTED = ("theta_m", "psi_m", "d_psi")
 """Angles of a flight's gait that may be corrected."""
 
 _TIMES = 24  # of a flight at which paths are compared
 _PARTS = (0.4, 0.7, 1.0)  # of the window, fitted one after the other
+_SIDE_BY_SIDE = 4  # flights that are simulated together: the same for any number of cores
+_EVALUATIONS = 60  # most of one fit
+_PRECISION = 1e-6  # of a fit: relative change of the sum of squares and of what is fitted
 
 
 @dataclass(frozen=True)
@@ -114,59 +120,95 @@ class Fitter:
         self.trials = [str(trial) for trial in data["trial"].values]
         self.animals = np.array([str(snake) for snake in data["snake"].values])
         windows = [_windows(data, part) for part in _PARTS]
-        times, places = windows[-1]
         self.corrected = tuple(uncertainty)
-        self._plan = FitPlan(self.corrected, float(np.ceil(10 * times.max()) / 10))
-        self._windows = [tuple(map(jnp.asarray, window)) for window in windows]
-        self._data = FitData(
-            measured_of(data),
-            jnp.asarray(times),
-            jnp.asarray(places),
-            jnp.ones(len(self.trials)),
-            jnp.deg2rad(jnp.array(list(uncertainty.values()), float)),
-        )
+        spread = np.deg2rad(list(uncertainty.values()))
+        self._plan = FitPlan(self.corrected, jnp.asarray(spread))
+        flights = measured_of(data)
+        self._windows = [FitData(flights, *map(jnp.asarray, window)) for window in windows]
         # of a correction against a misfit of all flights, whose number divides the latter
-        self._prior = jnp.asarray(noise / np.sqrt(len(self.trials)))
+        self._prior = noise / np.sqrt(len(self.trials))
 
     def start(self, scales: Sequence[float] = (1.0, 1.0)):
         """A start: logarithms of scales, no corrections."""
         check_range("scales", np.asarray(scales), "", 0, 100, low_open=True)
-        changes = jnp.zeros((len(self.trials), len(self._plan.corrected)))
-        return jnp.log(jnp.asarray(scales, float)), changes
+        changes = np.zeros((len(self.trials), len(self.corrected)))
+        return np.log(np.asarray(scales, float)), changes
 
-    def solve(self, start, weights: np.ndarray | None = None):
+    def solve(self, start, weights: np.ndarray | None = None, *, part: int = -1, each=None):
         """Fit from one start with weights of the flights, (N,).
+
+        Args:
+            start: logarithms of scales and changes [sd], (2,) and (N, c).
+            weights: of the flights, (N,); by default all the same.
+            part: which part of the window; by default the whole.
+            each: calls a function with each of several flights; by default on all cores.
 
         Returns:
             Logarithms of scales and changes, mean square misfit, steps, whether it converged.
         """
-        data = self._data
-        if weights is not None:
-            data = data._replace(weights=jnp.asarray(weights, float))
-        return jax.tree.map(np.asarray, solve(start, data, self._plan, self._prior))
+        count, own = start[1].shape
+        weights = np.ones(count) if weights is None else np.asarray(weights, float)
+        weigh = np.sqrt(weights / (_TIMES * weights.sum()))[:, None]
+
+        def parted(x):
+            return x[: len(SCALES)], x[len(SCALES) :].reshape(count, own)
+
+        def residuals(x):
+            apart = self._each(distances, parted(x), part, each)
+            return np.concatenate([(weigh * apart).ravel(), self._prior * x[len(SCALES) :]])
+
+        def slopes(x):
+            found = weigh[..., None] * self._each(sensitivities, parted(x), part, each)[1]
+            by_scales, by_changes = np.split(found, [len(SCALES)], axis=2)
+            blocks = scipy.linalg.block_diag(*by_changes)
+            apart = np.hstack([by_scales.reshape(-1, len(SCALES)), blocks])
+            prior = self._prior * np.eye(count * own, len(x), len(SCALES))
+            return np.vstack([apart, prior])
+
+        found = scipy.optimize.least_squares(
+            residuals,
+            np.concatenate([np.ravel(x) for x in start]),
+            slopes,
+            ftol=_PRECISION,
+            xtol=_PRECISION,
+            gtol=_PRECISION**2,
+            max_nfev=_EVALUATIONS,
+        )
+        cost = np.sum(found.fun[: -count * own or None] ** 2)
+        return parted(found.x), cost, found.nfev, found.status > 0
+
+    def _each(self, function, y, part: int = -1, each=None) -> Any:
+        """A function of the flights at logarithms of scales and changes, block by block."""
+        count = len(self.trials)
+        places = np.arange(-(-count // _SIDE_BY_SIDE) * _SIDE_BY_SIDE).clip(max=count - 1)
+
+        def of_block(block):
+            data = jax.tree.map(lambda x: x[block], self._windows[part])
+            return jax.device_get(function(jnp.asarray(y[0]), y[1][block], data, self._plan))
+
+        found = (each or on_workers)(of_block, places.reshape(-1, _SIDE_BY_SIDE))
+        return jax.tree.map(lambda *x: np.concatenate(x)[:count], *found)
 
     def sensitivities(self, y) -> tuple[np.ndarray, np.ndarray]:
         """Distances of the paths [m], (N, 3 K), and their derivatives by the logarithms of
         the scales and by each flight's own changes [sd], (N, 3 K, 2 + c), at logarithms of
         scales and changes."""
-        found = sensitivities(y, self._data, self._plan)
-        return np.asarray(found[0]), np.asarray(found[1])
+        return self._each(sensitivities, y)
 
-    def approach(self, start):
+    def approach(self, start, *, each=None):
         """Fit to the first part of the window, then to more of it, then to the whole.
 
         Paths part from each other as they go on, and the misfit grows valleys; what fits
         the beginning lies in the right one. Returns what `solve` does.
         """
-        y, whole = start, self._data
-        for times, places in self._windows[:-1]:
-            part = whole._replace(times=times, places=places)
-            y = solve(y, part, self._plan, self._prior)[0]
-        return self.solve(y)
+        for part in range(len(_PARTS)):
+            found = self.solve(start, part=part, each=each)
+            start = found[0]
+        return found
 
     def errors(self, y) -> np.ndarray:
         """Root mean square distance of each flight's paths [m], (N,)."""
-        return np.sqrt(3 * np.mean(self.sensitivities(y)[0] ** 2, axis=1))
+        return np.sqrt(3 * np.mean(self._each(distances, y) ** 2, axis=1))
 
     def fit(self, starts: int = 8, seed: int = 0) -> Fit:
         """The best fit of several starts between half and twice the published forces.
@@ -178,7 +220,7 @@ class Fitter:
         check_integer("starts", starts, 1, 10_000)
         drawn = np.random.default_rng(seed).uniform(np.log(0.5), np.log(2), (starts, 2))
         drawn[0] = 0.0
-        found = on_workers(self.approach, [self.start(np.exp(one)) for one in drawn])
+        found = _together(self.approach, [self.start(np.exp(one)) for one in drawn])
         costs = np.array([cost for _, cost, _, _ in found])
         best = found[int(np.nanargmin(costs))][0]
         before, after = self.errors(self.start()), self.errors(best)
@@ -189,7 +231,7 @@ class Fitter:
             misfit_before=float(np.sqrt(np.mean(before**2))),
             errors=after,
             errors_before=before,
-            changes=best[1] * np.asarray(self._data.spread),
+            changes=best[1] * np.asarray(self._plan.spread),
             starts=np.exp(drawn),
             ends=np.exp([y[0] for y, *_ in found]),
             misfits=np.sqrt(costs),
@@ -204,14 +246,14 @@ class Fitter:
         """
         apart, slopes = self.sensitivities(y)
         by_scales, by_changes = np.split(slopes, [len(SCALES)], axis=2)
-        prior = _TIMES * (float(self._prior) ** 2) * len(apart)
+        prior = _TIMES * self._prior**2 * len(apart)
         tied = np.einsum("nki,nkj->nij", by_changes, by_changes)
         tied += prior * np.eye(len(self.corrected))
         mixed = np.einsum("nki,nkj->nij", by_changes, by_scales)
         follow = np.linalg.solve(tied, mixed)  # (N, c, 2)
         free = by_scales - by_changes @ follow
         hessian = np.einsum("nki,nkj->ij", by_scales, free)
-        pull = np.einsum("nci,nc->ni", follow, prior * np.asarray(y[1]))
+        pull = np.einsum("nci,nc->ni", follow, prior * y[1])
         gradients = np.einsum("nki,nk->ni", free, apart) - pull
         count = len(gradients)
         spread = gradients.T @ gradients * (count / max(count - 2, 1))
@@ -225,8 +267,8 @@ class Fitter:
         start = self.start() if start is None else start
         drawn = [rng.choice(names, len(names)) for _ in range(count)]
         weights = [np.array([np.sum(one == a) for a in self.animals]) for one in drawn]
-        found = on_workers(lambda each: self.solve(start, each)[0][0], weights)
-        return np.exp(found)
+        found = _together(partial(self.solve, start), weights)
+        return np.exp([y[0] for y, *_ in found])
 
     def leave_out(self, start=None) -> list[dict[str, Any]]:
         """Each animal's flights predicted by a fit to those of the others.
@@ -238,20 +280,32 @@ class Fitter:
         start = self.start() if start is None else start
         before = self.errors(self.start())
 
-        def without(animal) -> dict[str, Any]:
-            own = self.animals == animal
-            y = self.solve(start, ~own)[0]
+        names = np.unique(self.animals)
+        found = _together(partial(self.solve, start), [self.animals != name for name in names])
+        rows = []
+        for name, (y, *_) in zip(names, found, strict=True):
+            own = self.animals == name
             # nothing is known of the left-out animal's gait beyond its measurement
             predicted = self.errors((y[0], np.zeros_like(y[1])))[own]
-            return {
-                "animal": str(animal),
-                "flights": int(own.sum()),
-                **dict(zip(SCALES, np.exp(y[0]).tolist(), strict=True)),
-                "predicted": float(np.sqrt(np.mean(predicted**2))),
-                "unfitted": float(np.sqrt(np.mean(before[own] ** 2))),
-            }
+            rows.append(
+                {
+                    "animal": str(name),
+                    "flights": int(own.sum()),
+                    **dict(zip(SCALES, np.exp(y[0]).tolist(), strict=True)),
+                    "predicted": float(np.sqrt(np.mean(predicted**2))),
+                    "unfitted": float(np.sqrt(np.mean(before[own] ** 2))),
+                }
+            )
+        return rows
 
-        return on_workers(without, np.unique(self.animals))
+
+def _together(fit: Callable, items: Sequence) -> list:
+    """Fits of all items: at the same time, or, where there are fewer than cores, one after
+    the other and the flights of each at the same time."""
+    if len(items) < len(workers()):
+        return [fit(item) for item in items]
+    here = partial(fit, each=lambda function, blocks: list(map(function, blocks)))
+    return on_workers(here, items)
 
 
 def fit(

@@ -1,18 +1,17 @@
-"""The misfit of simulated flights from measured ones, and its least squares.
+"""How far simulated flights are from measured ones, and its derivatives.
 
 Flights fly on below the ground. A simulation that tumbles is continued by a parabola, so that
-the misfit stays smooth.
+the misfit stays smooth. Each flight knows the multipliers and its own corrections only.
 """
 
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 
-from .._lib.either_mode import either_mode
 from .._lib.types import Array, Float
 from ..flight.dynamics import POSITION, VELOCITY
 from ..flight.ends import AngleLimit
@@ -24,34 +23,31 @@ SCALES = ("lift_scale", "drag_scale")
 """What is fitted: multipliers of the force coefficients."""
 
 _TOLERANCE = 1e-6  # of the simulations
-_STEPS = 60  # most of one fit
 
 
 class FitPlan(eqx.Module):
-    """What is part of the compiled function: angles corrected, and longest window [s]."""
+    """Which angles are corrected, and their standard deviations [rad]."""
 
     corrected: tuple[str, ...] = eqx.field(static=True)
-    longest: float = eqx.field(static=True)
+    spread: Float[Array, " c"]
 
 
 class FitData(NamedTuple):
-    """What a fit is made to: flights, times [s] and places from the start [m], weights."""
+    """What simulations are compared with: flights, times [s] and places from the start [m]."""
 
     flights: Measured
     times: Float[Array, "N K"]
     places: Float[Array, "N K 3"]
-    weights: Float[Array, " N"]
-    spread: Float[Array, " c"]
 
 
-def _flown(scales, change, flight: Measured, times, *, adjoint, plan) -> Array:
+def _path(scales, change, flight: Measured, times, plan: FitPlan) -> Array:
     """Path of one flight from its start at the times, (K, 3) [m]."""
-    moved = {name: getattr(flight, name) + change[k] for k, name in enumerate(plan.corrected)}
-    flight = replace(flight, **moved)
+    by = dict(zip(plan.corrected, change * plan.spread, strict=True))
+    flight = replace(flight, **{name: getattr(flight, name) + by[name] for name in by})
     glider, launch = build_flight(flight, Polar.smooth(*scales), None)
-    options: dict[str, Any] = {"rtol": _TOLERANCE, "atol": _TOLERANCE, "adjoint": adjoint}
-    options |= {"ends": AngleLimit(), "max_steps": 4096}
-    glide = simulate(glider, launch, times=times, max_time=plan.longest, **options)
+    options: dict[str, Any] = {"rtol": _TOLERANCE, "atol": _TOLERANCE}
+    options |= {"ends": AngleLimit(), "max_steps": 4096, "adjoint": diffrax.ForwardMode()}
+    glide = simulate(glider, launch, times=times, max_time=times[-1], **options)
     after = jnp.maximum(times - glide.time, 0.0)[:, None]
     fall = jnp.array([0.0, 0.0, -0.5]) * glider.gravity
     state = glide.state
@@ -62,64 +58,35 @@ def _flown(scales, change, flight: Measured, times, *, adjoint, plan) -> Array:
     return path - jnp.array([0.0, 0.0, 1.0]) * flight.height
 
 
-_fly_to_times = either_mode(_flown)
-
-
-def _paths(y, data: FitData, plan: FitPlan):
-    """Paths of all flights, (N, K, 3), for logarithms of scales, and changes [sd]."""
-    scales, changes = y
-
-    def one(change, flight, times):
-        change = change * data.spread
-        return _fly_to_times(jnp.exp(scales), change, flight, times, plan=plan)
-
-    return jax.vmap(one)(changes, data.flights, data.times)
-
-
-def _residuals(y, args):
-    """Misfit of all flights over root of their number, and changes over their sd."""
-    data, plan = args
-    count = data.weights.sum()
-    apart = (_paths(y, data, plan) - data.places) / jnp.sqrt(data.times.shape[1] * count)
-    apart = jnp.sqrt(data.weights)[:, None, None] * apart
-    return apart, y[1]
-
-
 @eqx.filter_jit
-def solve(start, data: FitData, plan: FitPlan, prior):
-    """One fit from one start."""
+def distances(logarithms, changes, data: FitData, plan: FitPlan) -> Array:
+    """Of paths from the measured ones [m], (N, 3 K).
 
-    def weighed(y, args):
-        apart, change = _residuals(y, args)
-        return apart, change * prior
-
-    solution = optx.least_squares(
-        weighed,
-        optx.LevenbergMarquardt(rtol=1e-3, atol=1e-5),
-        start,
-        args=(data, plan),
-        max_steps=_STEPS,
-        throw=False,
-    )
-    apart = _residuals(solution.value, (data, plan))[0]
-    done = solution.result == optx.RESULTS.successful
-    return solution.value, jnp.sum(apart**2), solution.stats["num_steps"], done
-
-
-@eqx.filter_jit
-def sensitivities(y, data: FitData, plan: FitPlan):
-    """Misfits, (N, 3 K), and their derivatives by the logarithms of the scales and by each
-    flight's own changes [sd], (N, 3 K, 2 + c)."""
-    scales, changes = y
+    Args:
+        logarithms: of the scales, (2,).
+        changes: of the angles of each flight [sd], (N, c).
+        data, plan: the flights, and what is fixed.
+    """
 
     def one(change, flight, times, places):
+        found = _path(jnp.exp(logarithms), change, flight, times, plan)
+        return (found - places).ravel()
+
+    return jax.vmap(one)(changes, *data)
+
+
+@eqx.filter_jit
+def sensitivities(logarithms, changes, data: FitData, plan: FitPlan) -> tuple[Array, Array]:
+    """The same, and its derivatives by the logarithms and by each flight's own changes,
+    (N, 3 K, 2 + c)."""
+
+    def one(change, *of):
         def apart(z):
-            scales, change = jnp.split(z, [len(SCALES)])
-            change = change * data.spread
-            found = _fly_to_times(jnp.exp(scales), change, flight, times, plan=plan) - places
+            parts = jnp.split(z, [len(SCALES)])
+            found = _path(jnp.exp(parts[0]), parts[1], *of[:2], plan) - of[2]
             return found.ravel(), found.ravel()
 
-        return jax.jacfwd(apart, has_aux=True)(jnp.concatenate([scales, change]))
+        return jax.jacfwd(apart, has_aux=True)(jnp.concatenate([logarithms, change]))
 
-    slopes, found = jax.vmap(one)(changes, data.flights, data.times, data.places)
+    slopes, found = jax.vmap(one)(changes, *data)
     return found, slopes

@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 import jaxglide
+from jaxglide.flights import fitter as fits
 from jaxglide.flights.fitter import SCALES, Fitter, fitted_dataset
 from jaxglide.flights.flights import fly_flights
 from made_flights import dataset
@@ -95,12 +96,32 @@ def weighed(fitter, monkeypatch):
     """Weights of the flights in every fit that a test makes."""
     weights, solve = [], fitter.solve
 
-    def watched(start, given=None):
+    def watched(start, given=None, **how):
         weights.append(np.asarray(given, float))
-        return solve(start, given)
+        return solve(start, given, **how)
 
     monkeypatch.setattr(fitter, "solve", watched)
     return weights
+
+
+def test_the_flights_of_one_fit_are_shared_out_over_the_cores(fitter, monkeypatch):
+    """Fewer fits than cores: the flights of each run side by side, to the bit the same."""
+    used, shared = [], fits.on_workers
+
+    def on_workers(function, items):
+        used.append(len(items))
+        return shared(function, items)
+
+    monkeypatch.setattr(fits, "on_workers", on_workers)
+    monkeypatch.setattr(fits, "workers", lambda: (None,) * 2)
+    one = fitter.fit(starts=1)
+    assert set(used) == {2}  # blocks of four flights, never a fit
+    used.clear()
+    several = fitter.fit(starts=2)
+    assert used[0] == 2  # fits
+    assert set(used[1:]) == {2}  # and the errors, by blocks again
+    assert len(used) < 5
+    np.testing.assert_array_equal(several.ends[0], one.ends[0])
 
 
 def test_left_out_animals_are_predicted(fitter, fit, weighed):

@@ -17,6 +17,7 @@ import xarray as xr
 import jaxglide
 from claims import agree, sentence
 from jaxglide import cli
+from jaxglide._lib.formats import marked
 from made_flights import dataset
 from places import ROOT
 
@@ -272,9 +273,9 @@ def test_fit(golden, folder, monkeypatch):
     from jaxglide.flights.fitter import Fitter
 
     whole = Fitter.fit
-    monkeypatch.setattr(Fitter, "fit", lambda self, **_: whole(self, starts=1))
+    monkeypatch.setattr(Fitter, "fit", lambda self, *_: whole(self, starts=1))
     flights = dataset(golden("simulated_flights")[:2])
-    flights.to_netcdf("gaits.nc", engine="h5netcdf")
+    jaxglide.save(marked(flights, "measured flights"), "gaits.nc")
     printed, _ = run_block('import jaxglide\nprint(jaxglide.fit(jaxglide.open("gaits.nc")))')
     assert "lift" in printed
 

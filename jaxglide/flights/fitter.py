@@ -31,7 +31,7 @@ CORRECTED = ("theta_m", "psi_m", "d_psi")
 _TIMES = 24  # of a flight at which paths are compared
 _PARTS = (0.4, 0.7, 1.0)  # of the window, fitted one after the other
 _SIDE_BY_SIDE = 4  # flights that are simulated together: the same for any number of cores
-_EVALUATIONS = 60  # most of one fit
+_EVALUATIONS = 100  # most of one fit
 _PRECISION = 1e-6  # of a fit: relative change of the sum of squares and of what is fitted
 
 
@@ -144,7 +144,8 @@ class Fitter:
             each: calls a function with each of several flights; by default on all cores.
 
         Returns:
-            Logarithms of scales and changes, mean square misfit, steps, whether it converged.
+            Logarithms of scales and changes; mean square misfit, and the same with the price
+            of the changes, which is least there; whether it converged.
         """
         count, own = start[1].shape
         weights = np.ones(count) if weights is None else np.asarray(weights, float)
@@ -174,8 +175,8 @@ class Fitter:
             gtol=_PRECISION**2,
             max_nfev=_EVALUATIONS,
         )
-        cost = np.sum(found.fun[: -count * own or None] ** 2)
-        return parted(found.x), cost, found.nfev, found.status > 0
+        misfit = np.sum(found.fun[: -count * own or None] ** 2)
+        return parted(found.x), misfit, 2 * found.cost, found.status > 0
 
     def _each(self, function, y, part: int = -1, each=None) -> Any:
         """A function of the flights at logarithms of scales and changes, block by block."""
@@ -211,7 +212,7 @@ class Fitter:
         return np.sqrt(3 * np.mean(self._each(distances, y) ** 2, axis=1))
 
     def fit(self, starts: int = 8, seed: int = 0) -> Fit:
-        """The best fit of several starts between half and twice the published forces.
+        """The cheapest fit of several starts between half and twice the published forces.
 
         Args:
             starts: number of starts; the first is the published model.
@@ -221,8 +222,8 @@ class Fitter:
         drawn = np.random.default_rng(seed).uniform(np.log(0.5), np.log(2), (starts, 2))
         drawn[0] = 0.0
         found = _together(self.approach, [self.start(np.exp(one)) for one in drawn])
-        costs = np.array([cost for _, cost, _, _ in found])
-        best = found[int(np.nanargmin(costs))][0]
+        ends, misfits, costs, converged = zip(*found, strict=True)
+        best = ends[int(np.nanargmin(costs))]
         before, after = self.errors(self.start()), self.errors(best)
         return Fit(
             scales=dict(zip(SCALES, np.exp(best[0]).tolist(), strict=True)),
@@ -233,9 +234,9 @@ class Fitter:
             errors_before=before,
             changes=best[1] * np.asarray(self._plan.spread),
             starts=np.exp(drawn),
-            ends=np.exp([y[0] for y, *_ in found]),
-            misfits=np.sqrt(costs),
-            converged=np.array([bool(done) for *_, done in found]),
+            ends=np.exp([y[0] for y in ends]),
+            misfits=np.sqrt(misfits),
+            converged=np.array(converged),
         )
 
     def covariance(self, y) -> np.ndarray:

@@ -185,6 +185,19 @@ def test_corrected_gaits_come_closer(made, fit, free_bends, freed):
     np.testing.assert_allclose(saved.correction.sel(angle="d_psi"), changed)
 
 
+def test_of_several_starts_the_price_of_corrections_counts(free_bends, freed, monkeypatch):
+    y = np.log(list(freed.scales.values())), freed.changes / np.deg2rad(4.0)
+    ends = [((y[0], 9 * y[1]), 0.1, 0.4, True), (y, 0.2, 0.3, True)]
+    monkeypatch.setattr(fits, "_together", lambda fit, items: ends)
+    again = free_bends.fit(starts=2)
+    np.testing.assert_allclose(again.changes, freed.changes)
+    np.testing.assert_allclose(again.misfits, np.sqrt([0.1, 0.2]))
+    _, misfit, cost, _ = free_bends.solve(y)
+    assert np.sqrt(misfit) == pytest.approx(freed.misfit, rel=0.01)
+    price = NOISE**2 / len(y[1]) * np.sum(y[1] ** 2)
+    assert cost - misfit == pytest.approx(price, rel=0.02)
+
+
 def test_the_uncertainty_allows_for_corrections(free_bends, freed):
     """The block of the scales in the inverse of the whole Hessian, written out."""
     y = np.log(list(freed.scales.values())), freed.changes / np.deg2rad(4.0)

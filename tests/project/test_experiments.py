@@ -157,8 +157,8 @@ def test_steady_map(run):
         low = float(re.sub(r"[^\d.−]", "", cells[1]).replace("−", "-"))  # noqa: RUF001
         agree(" ".join(cells[1:]), *parts[ascii_of[cells[0]], low][1:], share=SEARCHES)
     wide, _ = found["leaning"]
-    said = sentence(PAGE, r"By rank correlation (.+?) counts for nothing, −0.05")  # noqa: RUF001
-    names = "d_psi", "f_theta", "nu_theta", "theta_m"
+    said = sentence(PAGE, r"By rank correlation (.+?)\. \*\*What undulation needs")
+    names = "d_psi", "nu_theta", "f_theta", "theta_m", "psi_m"
     agree(said, *(wide[name] for name in names))
     for row, cells in zip(found["predicted"], table(PAGE, "shapes"), strict=True):
         values = list(row.values())

@@ -417,10 +417,12 @@ def again(ends: list[tuple]) -> list[tuple]:
     rows = []
     for (name, measure, point, value), root in zip(ends, known, strict=True):
         glider = base.replace(dict(zip(WIDE, map(float, point), strict=True))).glider
-        state = root * np.asarray(scales(glider, discretise(glider.body)))
+        # what a climb found from nearby, the search from afar may not find again
+        near = np.isfinite(root).all()
+        state = root * np.asarray(scales(glider, discretise(glider.body))) if near else None
         finer = steady_glide(glider, state)
         banded = dataclasses.replace(glider, aerodynamics=Polar.band_limited())
-        banded = steady_glide(banded, state)
+        banded = steady_glide(banded, finer.state if bool(finer.found) else None)
         sure = banded.uncertainty if bool(banded.found) else None
         row = (name, measure, *map(float, point), *map(float, value))
         row += (np.rad2deg(float(finer.glide_angle)), float(finer.spectral_radius))

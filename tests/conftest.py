@@ -8,6 +8,7 @@ import os
 import resource
 import shutil
 import tempfile
+from pathlib import Path
 
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     # One cache for all processes of a test run: many compile the same functions.
@@ -26,6 +27,9 @@ from jaxtyping import install_import_hook
 from places import GOLDEN, ROOT
 
 jax.config.update("jax_enable_x64", True)
+
+MAPPED = 30_000
+"""Mappings of memory from which on a process gives up its compiled programs."""
 
 # The rooms whose annotations are checked: those of the model and what is built on it.
 ROOMS = "body shape air loads flight tunnel steady ensemble search flights view"
@@ -70,6 +74,19 @@ def norm_error(value, expected):
     """Error of a vector relative to its norm."""
     expected = np.asarray(expected)
     return np.linalg.norm(np.asarray(value) - expected) / np.linalg.norm(expected)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _few_programs():
+    """Compiled programs are given up before they are too many.
+
+    Each takes mappings of memory, of which Linux allows a process 65,530; at that many the
+    compiler dies.
+    """
+    yield
+    mapped = Path("/proc/self/maps")
+    if mapped.exists() and mapped.read_bytes().count(b"\n") > MAPPED:
+        jax.clear_caches()
 
 
 @pytest.fixture(autouse=True)

@@ -53,7 +53,8 @@ def evaluate_policy(
         ValueError: a number out of range.
 
     Examples:
-        >>> from jaxglide import Case, Constant, Environment, Gait, Glider, Launch, Polar, Snake
+        >>> from jaxglide import Case, Constant, Environment, Gait, Glider, Launch, Polar
+        >>> from jaxglide import Snake, evaluate_policy
         >>> body = Snake.from_svl(0.70, nodes=40, node_set="gauss")
         >>> glider = Glider(body, Gait.from_degrees(), Polar.smooth())
         >>> environment = Environment(

@@ -32,18 +32,15 @@ def commands(page: str) -> Iterator[str]:
 
 
 def table(page: str, first: str) -> list[list[str]]:
-    """Rows of the table whose first heading is `first`, cell by cell."""
-    lines = iter(page.splitlines())
-    for line in lines:
-        if line.startswith(f"| {first} |"):
-            next(lines)
-            break
-    else:
-        raise AssertionError(f"no table begins with {first!r}")
+    """Rows of the one table whose first heading, or headings, are `first`, cell by cell."""
+    lines = page.splitlines()
+    heads = [k - 1 for k, line in enumerate(lines) if line.startswith("| ---")]
+    begins = [k for k in heads if lines[k].startswith(f"| {first} |")]
+    assert len(begins) == 1, f"{len(begins)} tables begin with {first!r}"
     rows = []
-    for line in lines:
+    for line in lines[begins[0] + 2 :]:
         if not line.startswith("|"):
-            return rows
+            break
         rows.append([cell.strip() for cell in line.strip("| ").split(" | ")])
     return rows
 

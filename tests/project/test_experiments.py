@@ -83,6 +83,14 @@ def test_every_command_is_run_by_a_test():
     assert named == run_here | elsewhere
 
 
+def test_every_table_that_a_test_names_is_there_once():
+    code = (ROOT / "tests/project/test_experiments.py").read_text()
+    named = re.findall(r'table\(PAGE, "([^"]+)"\)', code)
+    assert len(named) > 20
+    for first in named:
+        assert table(PAGE, first), first
+
+
 def test_every_script_and_picture_is_there():
     scripts = {path.name for path in (ROOT / "experiments").glob("*.py")} - HELPERS
     shown = set(re.findall(r"`(\w+\.py)`", "".join(map("".join, table(PAGE, "script")))))
@@ -244,7 +252,7 @@ def test_steady_optimum(run):
 @slow
 def test_figure_4(run):
     records = run("jaxglide figure 4")["table_s1"]
-    for name, cells in ((row[0], row[2:]) for row in table(PAGE, "from 10 m")):
+    for name, cells in ((row[0], row[2:]) for row in table(PAGE, "from 10 m | region")):
         quantity, f = re.match(r"(.*), ([\d.]+) Hz", name).groups()
         kind = "stable" if quantity == "stable" else "path"
         found = [

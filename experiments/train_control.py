@@ -93,6 +93,7 @@ def environment(
     wrong: float = 0.1,
     noise: float = 2.0,
     wall: bool = False,
+    polar: str = "smooth",
     step: float = 1 / 120,
 ) -> Environment:
     """Random flights.
@@ -103,17 +104,18 @@ def environment(
         wrong: share by which mass and coefficients are off, at most.
         noise: of the attitude [deg]; of the rates 0.05 times as much a second.
         wall: whether one stands in the way.
+        polar: of the snake.
         step: longest of the solver [s].
     """
-    polar = "aerodynamics.polar"
+    scale = "aerodynamics.polar"
     vary = {
         "launch.speed": (1.3, 2.2),
         "launch.height": (70.0, 80.0),
         "launch.elevation": (-10.0, 10.0),
         "launch.heading": (-10.0, 10.0),
         "body.mass": ((1 - wrong) * MASS, (1 + wrong) * MASS),
-        f"{polar}.lift_scale": (1 - wrong, 1 + wrong),
-        f"{polar}.drag_scale": (1 - wrong, 1 + wrong),
+        f"{scale}.lift_scale": (1 - wrong, 1 + wrong),
+        f"{scale}.drag_scale": (1 - wrong, 1 + wrong),
     }
     if air is None:
         air = Gust([0.0, 0.0, 0.0])
@@ -122,7 +124,7 @@ def environment(
     ends = Ground(), AngleLimit()
     if wall:
         ends = *ends, End(Wall(30.0, 12.0), "hit the wall")
-    glider = Glider(BODY, Gait.from_degrees(d_psi=5.0), Polar.smooth(), air=air)
+    glider = Glider(BODY, Gait.from_degrees(d_psi=5.0), Polar.from_name(polar), air=air)
     senses = Senses(np.deg2rad(noise), 0.05 * noise, delay=0.05)
     case = Case(glider, Launch(height=75.0), ends)
     return Environment(case, vary=vary, senses=senses, step=step)
@@ -135,6 +137,8 @@ CONDITIONS = {
     "noise of 4°": {"noise": 4.0},
     "turbulence of 1 m/s": {"air": Turbulence(1.0, seed=1)},
     "a wall 30 m high, 12 m ahead": {"wall": True},
+    "the published polar": {"polar": "published"},
+    "half the solver's step": {"step": 1 / 240},
 }
 
 

@@ -211,7 +211,7 @@ def glides() -> dict[str, Value]:
     """Whole glides: against the research code, and against animals."""
     flown = simulate(PUBLISHED, times=np.array([1.5]), rtol=1e-9, atol=1e-9)
     then = np.asarray(flown.states)[0]
-    low = simulate(PUBLISHED, Launch(9.62), times=np.arange(0.0, 4.0, 0.01))
+    low = simulate(PUBLISHED, Launch(9.62), times=np.arange(0, 4, 0.01), rtol=1e-9, atol=1e-9)
     speeds = np.asarray(low.states)[:, VELOCITY]
     speeds = np.vstack([speeds[np.isfinite(speeds).all(axis=1)], low.state[VELOCITY]])
     along = np.hypot(speeds[:, 0], speeds[:, 1])

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import reprlib
 from collections import Counter
 from collections.abc import Sequence
 from itertools import islice
@@ -71,8 +72,8 @@ def texts(rows: Rows, column: str, source: Path) -> list[str]:
         if not cell.isascii() and not _is_text(cell):
             raw = cell.encode(errors="surrogateescape")
             raise TableError(
-                f"{source}: {str(raw)[1:]} in column {column!r}, row {row + 1} below the "
-                "header, is not UTF-8 text"
+                f"{source}: {reprlib.repr(raw)[1:]} in column {column!r}, row {row + 1} below "
+                "the header, is not UTF-8 text"
             )
     return cells
 
@@ -95,8 +96,8 @@ def numbers(rows: Rows, columns: Sequence[str], source: Path, scale: float = 1) 
         if wrong.size:
             text = rows[wrong[0]][column]
             raise TableError(
-                f"{source}: {text!r} in column {column!r}, row {wrong[0] + 1} below the "
-                "header, is not a finite number; nothing or NA stands where there is none"
+                f"{source}: {reprlib.repr(text)} in column {column!r}, row {wrong[0] + 1} below "
+                "the header, is not a finite number; nothing or NA stands where there is none"
             )
     return table * scale
 

@@ -202,6 +202,7 @@ def test_times_in_another_unit_are_said(tmp_path, whole, case):
 
 
 CELLS = {
+    "long": (700 * "9", r"'9{12}\.\.\.9{13}' in column 'm01_x', row 2 below the header"),
     "Inf": ("Inf", r"'Inf' in column 'm01_x', row 2 below the header, is not a finite number"),
     "1_0": ("1_0", r"'1_0' in column 'm01_x'"),
     "Latin-1": (

@@ -96,8 +96,9 @@ def numbers(rows: Rows, columns: Sequence[str], source: Path, scale: float = 1) 
         if wrong.size:
             text = rows[wrong[0]][column]
             raise TableError(
-                f"{source}: {reprlib.repr(text)} in column {column!r}, row {wrong[0] + 1} below "
-                "the header, is not a finite number; nothing or NA stands where there is none"
+                f"{source}: {reprlib.repr(text)} in column {column!r}, row {wrong[0] + 1} "
+                "below the header, is not a finite number; nothing or NA stands where there is "
+                "none"
             )
     return table * scale
 

@@ -159,17 +159,19 @@ class Fitter:
             return np.concatenate([(weigh * apart).ravel(), self._prior * x[len(SCALES) :]])
 
         def slopes(x):
-            found = weigh[..., None] * self._each(sensitivities, parted(x), part, each)[1]
+            _, found = self._each(sensitivities, parted(x), part, each)
+            found = weigh[..., None] * found
             by_scales, by_changes = np.split(found, [len(SCALES)], axis=2)
-            blocks = scipy.linalg.block_diag(*by_changes)
+            blocks = np.asarray(scipy.linalg.block_diag(*by_changes))
             apart = np.hstack([by_scales.reshape(-1, len(SCALES)), blocks])
             prior = self._prior * np.eye(count * own, len(x), len(SCALES))
             return np.vstack([apart, prior])
 
+        exact: Any = slopes
         found = scipy.optimize.least_squares(
             residuals,
             np.concatenate([np.ravel(x) for x in start]),
-            slopes,
+            exact,
             ftol=_PRECISION,
             xtol=_PRECISION,
             gtol=_PRECISION**2,

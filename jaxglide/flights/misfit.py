@@ -80,10 +80,10 @@ def sensitivities(logarithms, changes, data: FitData, plan: FitPlan) -> tuple[Ar
     """The same, and its derivatives by the logarithms and by each flight's own changes,
     (N, 3 K, 2 + c)."""
 
-    def one(change, *of):
+    def one(change, flight, times, places):
         def apart(z):
-            parts = jnp.split(z, [len(SCALES)])
-            found = _path(jnp.exp(parts[0]), parts[1], *of[:2], plan) - of[2]
+            scales, own = jnp.exp(z[: len(SCALES)]), z[len(SCALES) :]
+            found = _path(scales, own, flight, times, plan) - places
             return found.ravel(), found.ravel()
 
         return jax.jacfwd(apart, has_aux=True)(jnp.concatenate([logarithms, change]))

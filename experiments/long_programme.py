@@ -39,8 +39,6 @@ BODY = Snake.from_svl(0.70, nodes=40, node_set="gauss")
 LATE = Senses(angle_noise=np.deg2rad(2.0), omega_noise=0.2, delay=0.05)
 INPUTS = "d_psi", "d_theta"
 KNOTS, STEPS, MARGIN, SAMPLES = 40, 60, 30.0, 150
-
-
 HEADER = "16 flights from 10 m", "land", "nearest (m)", "median (m)", "farthest (m)"
 
 

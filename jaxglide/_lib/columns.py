@@ -2,7 +2,6 @@
 
 import csv
 import io
-import reprlib
 from collections import Counter
 from collections.abc import Sequence
 from itertools import islice
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .documents import read_text
+from .documents import read_text, shown
 
 
 class TableError(ValueError):
@@ -72,7 +71,7 @@ def texts(rows: Rows, column: str, source: Path) -> list[str]:
         if not cell.isascii() and not _is_text(cell):
             raw = cell.encode(errors="surrogateescape")
             raise TableError(
-                f"{source}: {reprlib.repr(raw)[1:]} in column {column!r}, row {row + 1} below "
+                f"{source}: {shown(raw)[1:]} in column {column!r}, row {row + 1} below "
                 "the header, is not UTF-8 text"
             )
     return cells
@@ -96,7 +95,7 @@ def numbers(rows: Rows, columns: Sequence[str], source: Path, scale: float = 1) 
         if wrong.size:
             text = rows[wrong[0]][column]
             raise TableError(
-                f"{source}: {reprlib.repr(text)} in column {column!r}, row {wrong[0] + 1} "
+                f"{source}: {shown(text)} in column {column!r}, row {wrong[0] + 1} "
                 "below the header, is not a finite number; nothing or NA stands where there is "
                 "none"
             )

@@ -8,6 +8,7 @@ several choices of animals, run at the same time, or else the flights of each.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import jax
@@ -123,10 +124,15 @@ class Fitter:
         self.corrected = tuple(uncertainty)
         spread = np.deg2rad(list(uncertainty.values()))
         self._plan = FitPlan(self.corrected, jnp.asarray(spread))
-        flights = measured_of(data)
-        self._windows = [FitData(flights, *map(jnp.asarray, window)) for window in windows]
+        flights, count = measured_of(data), len(self.trials)
+        places = np.arange(-(-count // _SIDE_BY_SIDE) * _SIDE_BY_SIDE).clip(max=count - 1)
+        self._blocks = places.reshape(-1, _SIDE_BY_SIDE)  # of flights, the last filled up
+        whole = [FitData(flights, *map(jnp.asarray, window)) for window in windows]
+        self._windows = [
+            [jax.tree.map(itemgetter(block), data) for block in self._blocks] for data in whole
+        ]
         # of a correction against a misfit of all flights, whose number divides the latter
-        self._prior = noise / np.sqrt(len(self.trials))
+        self._prior = noise / np.sqrt(count)
 
     def start(self, scales: Sequence[float] = (1.0, 1.0)):
         """A start: logarithms of scales, no corrections."""
@@ -182,15 +188,14 @@ class Fitter:
 
     def _each(self, function, y, part: int = -1, each=None) -> Any:
         """A function of the flights at logarithms of scales and changes, block by block."""
-        count = len(self.trials)
-        places = np.arange(-(-count // _SIDE_BY_SIDE) * _SIDE_BY_SIDE).clip(max=count - 1)
 
-        def of_block(block):
-            data = jax.tree.map(lambda x: x[block], self._windows[part])
-            return jax.device_get(function(jnp.asarray(y[0]), y[1][block], data, self._plan))
+        def of_block(k: int):
+            data = self._windows[part][k]
+            found = function(jnp.asarray(y[0]), y[1][self._blocks[k]], data, self._plan)
+            return jax.device_get(found)
 
-        found = (each or on_workers)(of_block, places.reshape(-1, _SIDE_BY_SIDE))
-        return jax.tree.map(lambda *x: np.concatenate(x)[:count], *found)
+        found = (each or on_workers)(of_block, range(len(self._blocks)))
+        return jax.tree.map(lambda *x: np.concatenate(x)[: len(self.trials)], *found)
 
     def sensitivities(self, y) -> tuple[np.ndarray, np.ndarray]:
         """Distances of the paths [m], (N, 3 K), and their derivatives by the logarithms of

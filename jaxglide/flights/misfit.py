@@ -40,11 +40,11 @@ class FitData(NamedTuple):
     places: Float[Array, "N K 3"]
 
 
-def _path(scales, change, flight: Measured, times, plan: FitPlan) -> Array:
-    """Path of one flight from its start at the times, (K, 3) [m]."""
+def _apart(logarithms, change, flight: Measured, times, places, plan: FitPlan) -> Array:
+    """Of one flight: its path from its start, less the measured one, (3 K,) [m]."""
     by = dict(zip(plan.corrected, change * plan.spread, strict=True))
     flight = replace(flight, **{name: getattr(flight, name) + by[name] for name in by})
-    glider, launch = build_flight(flight, Polar.smooth(*scales), None)
+    glider, launch = build_flight(flight, Polar.smooth(*jnp.exp(logarithms)), None)
     options: dict[str, Any] = {"rtol": _TOLERANCE, "atol": _TOLERANCE}
     options |= {"ends": AngleLimit(), "max_steps": 4096, "adjoint": diffrax.ForwardMode()}
     glide = simulate(glider, launch, times=times, max_time=times[-1], **options)
@@ -55,7 +55,7 @@ def _path(scales, change, flight: Measured, times, plan: FitPlan) -> Array:
     assert glide.states is not None
     flying = jnp.isfinite(glide.states[:, :1])
     path = jnp.where(flying, jnp.where(flying, glide.states, 0.0)[:, POSITION], parabola)
-    return path - jnp.array([0.0, 0.0, 1.0]) * flight.height
+    return (path - jnp.array([0.0, 0.0, 1.0]) * flight.height - places).ravel()
 
 
 @eqx.filter_jit
@@ -67,12 +67,8 @@ def distances(logarithms, changes, data: FitData, plan: FitPlan) -> Array:
         changes: of the angles of each flight [sd], (N, c).
         data, plan: the flights, and what is fixed.
     """
-
-    def one(change, flight, times, places):
-        found = _path(jnp.exp(logarithms), change, flight, times, plan)
-        return (found - places).ravel()
-
-    return jax.vmap(one)(changes, *data)
+    own = (None, 0, 0, 0, 0, None)
+    return jax.vmap(_apart, in_axes=own)(logarithms, changes, *data, plan)
 
 
 @eqx.filter_jit
@@ -82,9 +78,9 @@ def sensitivities(logarithms, changes, data: FitData, plan: FitPlan) -> tuple[Ar
 
     def one(change, flight, times, places):
         def apart(z):
-            scales, own = jnp.exp(z[: len(SCALES)]), z[len(SCALES) :]
-            found = _path(scales, own, flight, times, plan) - places
-            return found.ravel(), found.ravel()
+            free = z[: len(SCALES)], z[len(SCALES) :]
+            found = _apart(*free, flight, times, places, plan)
+            return found, found
 
         return jax.jacfwd(apart, has_aux=True)(jnp.concatenate([logarithms, change]))
 
